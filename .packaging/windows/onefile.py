@@ -26,8 +26,8 @@ BUILDERS = (
 MAIN = """
 import sys
 
-if sys.argv[1:] == ["deadman", "inherited"]:  # as handctl.system.child starts it
-    from handctl.system.child import live
+if sys.argv[1:] == ["deadman", "inherited"]:  # as handctl.system.watchdog_process starts it
+    from handctl.system.watchdog_process import live
 
     live()
 from handctl.cli import main

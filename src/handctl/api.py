@@ -27,8 +27,8 @@ from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, LibrarySession
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
+from handctl.model.command_settings import Settings
 from handctl.model.result import Row, Table, name_of
-from handctl.model.settings import Settings
 from handctl.wording import sentence
 
 if TYPE_CHECKING:
@@ -179,14 +179,14 @@ class Stream(Iterator[Rows]):
         try:
             return Rows(next(self._samples))
         except HandctlError as exc:
-            raise told(exc, self._kind) from None
+            raise error_in_python(exc, self._kind) from None
 
     def close(self) -> None:
         """End it, and leave the device. Raises what the command would have ended with."""
         if isinstance(self._samples, Generator) and getattr(self._samples, "gi_frame", None) is not None:
             self._samples.close()
             if (failure := self._failure()) is not None:
-                raise told(failure, self._kind)
+                raise error_in_python(failure, self._kind)
 
     def step(self, **values: Any) -> Rows:
         """Send these control values in one block, and return its rows; what is left out keeps its value. Raises UsageError."""
@@ -198,24 +198,24 @@ class Stream(Iterator[Rows]):
                 raise UsageError("this command takes no values", hint="take its samples in a loop")
             return next(self)
         except StopIteration:
-            raise told(UsageError("the stream has ended", hint="start it again"), self._kind) from None
+            raise error_in_python(UsageError("the stream has ended", hint="start it again"), self._kind) from None
         except UsageError as exc:
-            raise told(exc, self._kind) from None
+            raise error_in_python(exc, self._kind) from None
 
     def frame(self) -> Any:
         """The rows of all samples as a pandas DataFrame, when it has ended."""
         return Rows(row for sample in self for row in sample).frame()
 
 
-def told(error: HandctlError, kind: str) -> HandctlError:
+def error_in_python(error: HandctlError, kind: str) -> HandctlError:
     """An error as a program meets it: in its words, with the hint as a note, and without the way that it came."""
-    error.text, error.hint = _in_python(kind, error.text, error.hint)
+    error.text, error.hint = _texts_in_python(kind, error.text, error.hint)
     if error.hint and hasattr(error, "add_note"):  # Python 3.11
         error.add_note(f"Next: {sentence(error.hint)}")
     return error.with_traceback(None)
 
 
-def _in_python(kind: str, *texts: str) -> Iterator[str]:
+def _texts_in_python(kind: str, *texts: str) -> Iterator[str]:
     known = {name: method.command for name, method in methods(kind).items()} if kind in FAMILIES else {}
     return (in_python(text, kind, known) for text in texts)
 
@@ -234,7 +234,7 @@ class Device:
     def __exit__(self, *error: object) -> None:
         failure = self._line.close()
         if failure is not None and error[0] is None:
-            raise told(failure, self.kind)
+            raise error_in_python(failure, self.kind)
 
     def disconnect(self) -> None:
         """Close the link. A `with` does so at its end. Raises LinkError."""
@@ -252,7 +252,7 @@ class Device:
         """What the last call had to say: `level`, `code`, `text`, `hint` each."""
         found: list[Row] = self.envelope["messages"]
         for row in found:
-            row["text"], row["hint"] = _in_python(self.kind, row["text"], row["hint"])
+            row["text"], row["hint"] = _texts_in_python(self.kind, row["text"], row["hint"])
         return found
 
     def __dir__(self) -> list[str]:
@@ -272,7 +272,7 @@ class Device:
                 values = method.values(args, named)
                 found = line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
             except HandctlError as exc:
-                raise told(exc, self.kind) from None
+                raise error_in_python(exc, self.kind) from None
             if isinstance(found, list):
                 return Rows(found)
             one = line.last
@@ -307,7 +307,7 @@ def connect(family: str, link: Any = None, **settings: Any) -> Device:
             family, link = device.kind, settings.pop("port")
         return _opened(family, str(link), settings)
     except HandctlError as exc:
-        raise told(exc, family) from None
+        raise error_in_python(exc, family) from None
 
 
 def _opened(family: str, link: str, settings: Mapping[str, Any]) -> Device:

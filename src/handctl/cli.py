@@ -1,6 +1,6 @@
 """Entry point: replaces closed standard streams, runs the root command, and handles a stdout that cannot be written.
 
-`--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `command.command_tree`.
+`--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `command.command_tree` and `command.exit_codes`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
         defer_unused_modules()
         gc.disable()  # until the command runs: what is imported stays, and looking through it costs a twentieth of the start
-    from handctl.command.command_tree import exit_code, root
+    from handctl.command.command_tree import root
+    from handctl.command.exit_codes import exit_code
     from handctl.interrupts import done
     from handctl.screen.sanitize import substitute_what_is_missing
 
@@ -48,7 +49,7 @@ def _on_several(args: Sequence[str]) -> bool:
 
     found = several_devices.devices_in(args)
     if found is not None:
-        several_devices.run(args, found)
+        several_devices.run_on_each(args, found)
     return found is not None
 
 

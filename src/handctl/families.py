@@ -46,14 +46,14 @@ class FamilyRow:
     help      one line for the root's help, without a full stop
     package   its folder. What the machinery asks for lies there in a module named after the role, with that name in it:
                 cli      `cli`: the command group, with its `command.family.Family`
-                probe    `tools.probes.FamilyProbe`: looks for its device and pings it
+                probe    `tools.family_probe.FamilyProbe`: looks for its device and pings it
                 stopper  `stop_steps`: the bytes of its stop, see `model.stop_sequence`
                 explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
                 write_rules  in `explain`, `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and
                          what acknowledges them
                 remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.outline`
                 outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.outline`
-                page     optional, see `docgen.texts`: EXAMPLES, FILES and `section` of its manual page
+                page     optional, see `docgen.man_sections`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
@@ -256,7 +256,7 @@ LISTED: dict[str, tuple[str, ...]] = {
 }
 """Heading -> the commands below it, as the root's help lists them."""
 
-SCANNED: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].scan))
+SCAN_ORDER: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].scan))
 """The families in the order of a scan."""
-TOLD: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].tell))
+EXPLAIN_ORDER: tuple[str, ...] = tuple(sorted(FAMILIES, key=lambda name: FAMILIES[name].tell))
 """The families in the order in which recorded bytes are offered to them."""

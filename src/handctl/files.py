@@ -235,12 +235,12 @@ def in_turn(descriptor: int, seconds: float) -> Iterator[None]:
 
     A lock beside that of the whole file, which it does not touch.
     """
-    from handctl.system import clock, locks
+    from handctl.system import clock, file_locks
 
     end = clock.now() + seconds
     while True:
         with contextlib.suppress(OSError):
-            locks.turn(descriptor)
+            file_locks.turn(descriptor)
             break
         if clock.now() >= end:
             break
@@ -249,7 +249,7 @@ def in_turn(descriptor: int, seconds: float) -> Iterator[None]:
         yield
     finally:
         with contextlib.suppress(OSError):
-            locks.end_turn(descriptor)
+            file_locks.end_turn(descriptor)
 
 
 def why_unwritable(path: str) -> str:
@@ -268,7 +268,7 @@ def state_path(name: str) -> Path:
     """handctl/NAME in the user's folder of state: what this machine keeps for this user."""
     from pathlib import Path
 
-    from handctl.system.folders import state_folder
+    from handctl.system.user_folders import state_folder
 
     return Path(state_folder()) / "handctl" / name
 

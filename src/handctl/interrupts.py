@@ -68,7 +68,7 @@ class _State:
 _state = _State()
 
 
-def asked() -> bool:
+def was_interrupted() -> bool:
     """Whether this command has been interrupted."""
     return _state.interrupt_count > 0
 

@@ -9,9 +9,9 @@ from typing import Any
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import Conversation
 from handctl.link import ByteLink, Deadline, open_link
+from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
 from handctl.model.stop_sequence import StopContext, Stopped, exchange_steps, stop_sequence_of
 from tests.support.scripted import RecordedLink, ScriptedLink
 

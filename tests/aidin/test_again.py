@@ -18,8 +18,8 @@ from handctl.devices.aidin import device
 from handctl.errors import Interrupted, LinkError
 from handctl.link.tcp import TcpLink
 from handctl.link.transcript import TraceWriter, observed
+from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts
-from handctl.model.settings import Settings
 from handctl.stop.device_access import DeviceAccess
 from tests.aidin.support import STOP, feedback, hand_on, line
 from tests.support.cli import PATIENCE, Result, run

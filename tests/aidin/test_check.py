@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.aidin.check import FINDINGS, check
+from handctl.devices.aidin.motor_and_sensor_check import FINDINGS, check
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
@@ -56,7 +56,7 @@ def test_a_healthy_hand_has_no_finding(options: dict[str, object]) -> None:
 def test_of_a_hand_that_was_just_homed_too() -> None:
     hand, link = simulated(start="homed", noise=1)
     assert run("aidin", "home", "-y", "-p", "fake://aidin?clock=virtual&start=homed").code == 0
-    from handctl.devices.aidin.procedures import home
+    from handctl.devices.aidin.homing_and_bias import home
 
     home(hand, Prompts())
     assert found(check(hand, Prompts())) == {}

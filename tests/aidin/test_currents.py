@@ -7,8 +7,8 @@ import itertools
 import pytest
 
 from handctl.devices.aidin.exchange_settings import ExchangeMode, ExchangeSettings
-from handctl.devices.aidin.map import CURRENTS
 from handctl.devices.aidin.motion import Goal, currents, parse
+from handctl.devices.aidin.parameter_map import CURRENTS
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, ProtocolError
 from handctl.model.prompts import Prompts
 from tests.aidin.support import (  # fmt: skip

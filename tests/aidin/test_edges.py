@@ -7,10 +7,10 @@ from contextlib import contextmanager
 
 import pytest
 
-from handctl.devices.aidin import device, motion, procedures
+from handctl.devices.aidin import device, homing_and_bias, motion
 from handctl.devices.aidin.exchange import LISTEN_LONGEST
-from handctl.devices.aidin.map import CURRENTS, ENCODERS
 from handctl.devices.aidin.motion import currents, parse
+from handctl.devices.aidin.parameter_map import CURRENTS, ENCODERS
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.prompts import InterruptCount, Prompts
@@ -185,7 +185,7 @@ def test_a_key_that_has_gone_bad_is_no_arrival() -> None:
 def test_the_initial_position_is_not_reached_before_the_motors_stand() -> None:
     """Within 1 % of the origin, but still on the way through it."""
     link = Streamer(lambda t: line(feedback(motor_pos=[max(0, round(4000 * (0.6 - t)))] * 15)))
-    table = procedures.initial(hand_on(link), Prompts(), assume_homed=True)
+    table = homing_and_bias.initial(hand_on(link), Prompts(), assume_homed=True)
     assert {row["value"] for row in table.rows} == {0}
     assert link.sent_at[-1] > 0.6
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.map import AIDIN, FEEDBACK
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.param import elements_of

@@ -15,7 +15,7 @@ from handctl.devices.aidin.exchange_settings import (
     neutral,
 )
 from handctl.errors import NoAnswer, UsageError
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from tests.aidin.support import feedback, hand_on, poller, simulated, stopped, streamer
 from tests.support.cli import run, sent
 from tests.support.each_row import each_row

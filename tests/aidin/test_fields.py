@@ -6,7 +6,17 @@ from math import radians
 
 import pytest
 
-from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, FEEDBACK, TIPS, AidinParam, Mode, Target
+from handctl.devices.aidin.parameter_map import (
+    AIDIN,
+    ANGLES,
+    CURRENTS,
+    ENCODERS,
+    FEEDBACK,
+    TIPS,
+    AidinParam,
+    Mode,
+    Target,
+)
 from handctl.errors import UsageError
 
 MODES = {1: "HOMING", 2: "INITIAL", 3: "STOP", 4: "BIAS", 5: "MAXTORQUE", 10: "ENCODER", 22: "JOINT", 32: "TASKSPACE", 41: "CURRENT"}  # fmt: skip

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.aidin.procedures import Travel, Verdict, stroke
+from handctl.devices.aidin.homing_and_bias import Travel, Verdict, stroke
 from tests.support.cli import Result, run
 
 ALL = 15

@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from handctl.devices.aidin import homing_and_bias as modes
 from handctl.devices.aidin import motion
-from handctl.devices.aidin import procedures as modes
 from handctl.devices.aidin.device import AidinHand
-from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS, Target
 from handctl.devices.aidin.motion import currents, parse
+from handctl.devices.aidin.parameter_map import ANGLES, CURRENTS, ENCODERS, TIPS, Target
 from handctl.errors import CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.prompts import Prompts

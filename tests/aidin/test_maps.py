@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
 from handctl.sim import create
 from tests.support.each_row import each_row
 

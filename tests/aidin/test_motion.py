@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.aidin import motion, procedures
-from handctl.devices.aidin.map import ANGLES, ENCODERS, TIPS
+from handctl.devices.aidin import homing_and_bias, motion
 from handctl.devices.aidin.motion import parse
+from handctl.devices.aidin.parameter_map import ANGLES, ENCODERS, TIPS
 from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
-from handctl.model import stop_sequence
+from handctl.model import stop_on_interrupt
 from handctl.model.prompts import Prompts
 from tests.aidin.support import (
     AT_ORIGIN,
@@ -44,7 +44,7 @@ STILL: Content = {**AT_ORIGIN, "current_state": [0] * 15}
 def test_homing_is_held_for_3_5_s_and_nothing_comes_between(polled: bool) -> None:
     link = poller(AT_ORIGIN) if polled else streamer(AT_ORIGIN)
     notes = Notes()
-    table = procedures.home(hand_on(link), notes)
+    table = homing_and_bias.home(hand_on(link), notes)
     places = [n for n, data in enumerate(link.sent) if data == HOME]
     assert set(link.sent[places[0] : places[-1] + 1]) == {HOME}
     times = [link.sent_at[n] for n in places]
@@ -58,7 +58,7 @@ def test_homing_is_held_for_3_5_s_and_nothing_comes_between(polled: bool) -> Non
 
 
 def test_homing_that_left_encoders_elsewhere_is_not_confirmed() -> None:
-    table = procedures.home(hand_on(streamer(feedback(motor_pos=[0] * 5 + [85000] + [0] * 9))), Prompts())
+    table = homing_and_bias.home(hand_on(streamer(feedback(motor_pos=[0] * 5 + [85000] + [0] * 9))), Prompts())
     assert table.failure is not None and table.failure.code == "not-homed"
     assert table.rows[5]["verdict"] == "not at 0"
     assert "left in homing mode, and no stop was sent" in table.failure.hint
@@ -76,7 +76,7 @@ def test_a_hold_that_was_held_up_begins_again() -> None:
         write(data, deadline)  # type: ignore[arg-type]
 
     link.write = slow  # type: ignore[method-assign,assignment]
-    procedures.home(hand, Prompts())
+    homing_and_bias.home(hand, Prompts())
     assert link.sent_at[-1] - held[0] > 3.7
     assert "interrupted-hold" in [message.code for message in hand.journal.messages]
 
@@ -85,14 +85,14 @@ def test_homing_interrupted_is_not_homed_and_stopped() -> None:
     link = streamer(AT_ORIGIN)
     link.interrupt_at = 2.0
     with pytest.raises(Interrupted, match="not homed") as caught:
-        procedures.home(hand_on(link), Prompts())
+        homing_and_bias.home(hand_on(link), Prompts())
     assert stopped_behind(link.sent) == HOME
     assert caught.value.exit_code == 130
 
 
 def test_homing_of_a_hand_that_only_answers_commands() -> None:
     link = poller(lambda request: AT_ORIGIN if b"hand_mode" in request else None)
-    table = procedures.home(hand_on(link), Prompts())
+    table = homing_and_bias.home(hand_on(link), Prompts())
     assert [row["value"] for row in table.rows] == [0] * 15
     first = link.sent.index(HOME)
     assert set(link.sent[first:]) == {HOME}
@@ -101,7 +101,7 @@ def test_homing_of_a_hand_that_only_answers_commands() -> None:
 def test_homing_of_a_mute_hand_is_not_confirmed() -> None:
     link = ScriptedLink()
     with pytest.raises(NoAnswer, match="not confirmed"):
-        procedures.home(hand_on(link), Prompts())
+        homing_and_bias.home(hand_on(link), Prompts())
     assert link.clock < 6
 
 
@@ -109,7 +109,7 @@ def test_homing_into_damage_is_stopped() -> None:
     good, bad = line(AT_ORIGIN), b'{"motor_pos":[1,2\n'
     link = Streamer(lambda t: good if t < 1.5 else bad)
     with pytest.raises(ProtocolError) as caught:
-        procedures.home(hand_on(link), Prompts())
+        homing_and_bias.home(hand_on(link), Prompts())
     assert link.sent[-3:] == [STOP] * 3
     assert "is not confirmed" in caught.value.hint
 
@@ -120,7 +120,7 @@ def test_homing_into_damage_is_stopped() -> None:
 def test_initial_is_repeated_until_the_encoders_are_at_the_origin() -> None:
     link = Streamer(lambda t: line(feedback(motor_pos=[max(0, round(100000 * (1 - t)))] * 15)))
     hand = hand_on(link)
-    table = procedures.initial(hand, Prompts(), assume_homed=False)
+    table = homing_and_bias.initial(hand, Prompts(), assume_homed=False)
     assert set(link.sent) == {INITIAL}
     assert all(row["value"] == 0 for row in table.rows)
 
@@ -128,7 +128,7 @@ def test_initial_is_repeated_until_the_encoders_are_at_the_origin() -> None:
 def test_initial_that_does_not_arrive() -> None:
     link = streamer(feedback(motor_pos=[50000] * 15))
     with refused(CheckFailed, "not-reached"):
-        procedures.initial(hand_on(link), Prompts(), assume_homed=False)
+        homing_and_bias.initial(hand_on(link), Prompts(), assume_homed=False)
     assert 5.0 <= link.clock < 5.3
 
 
@@ -136,14 +136,14 @@ def test_encoders_out_of_their_range_were_not_homed() -> None:
     content = feedback(motor_pos=[-50000] * 15)
     link = streamer(content)
     for call in (
-        lambda hand: procedures.initial(hand, Prompts(), assume_homed=False),
+        lambda hand: homing_and_bias.initial(hand, Prompts(), assume_homed=False),
         lambda hand: motion.move(hand, parse(ENCODERS, ["index.m1=5"]), Prompts(), assume_homed=False),
     ):
         with refused(CheckFailed, "not-homed"):
             call(hand_on(link))
     assert link.sent == []
     with refused(CheckFailed, "not-reached"):
-        procedures.initial(hand_on(link), Prompts(), assume_homed=True)
+        homing_and_bias.initial(hand_on(link), Prompts(), assume_homed=True)
     assert set(link.sent) == {INITIAL}
 
 
@@ -183,7 +183,7 @@ def test_bias() -> None:
     link = ScriptedLink()
     link.answer = lambda request: [(0.001, line(zero if BIAS in link.sent else feedback()))]
     hand = hand_on(link)
-    table = procedures.bias(hand)
+    table = homing_and_bias.bias(hand)
     assert table.failure is None
     assert [(row["before"], row["value"]) for row in table.rows][:2] == [(0.01, 0.0), (0.02, 0.0)]
     assert 20 <= link.sent.count(BIAS) <= 26
@@ -191,7 +191,7 @@ def test_bias() -> None:
 
 
 def test_bias_without_effect() -> None:
-    table = procedures.bias(hand_on(streamer(feedback())))
+    table = homing_and_bias.bias(hand_on(streamer(feedback())))
     assert table.failure is not None and table.failure.code == "not-biased"
     assert len(table.rows) == 30
 
@@ -199,25 +199,25 @@ def test_bias_without_effect() -> None:
 def test_noise_about_zero_is_no_failure() -> None:
     values = iter([0.001, -0.002, 0.002, -0.001] * 300)
     link = Streamer(lambda _: line(feedback(sensor_state=[next(values)] * 30)))
-    assert procedures.bias(hand_on(link)).failure is None
+    assert homing_and_bias.bias(hand_on(link)).failure is None
 
 
 def test_bias_is_refused_while_a_motor_moves() -> None:
     link = Streamer(lambda t: line(feedback(motor_pos=[0] * 4 + [round(t * 100000)] + [0] * 10)))
     with pytest.raises(CheckFailed, match=r"index\.m2"):
-        procedures.bias(hand_on(link))
+        homing_and_bias.bias(hand_on(link))
     assert link.sent == []
 
 
 def test_max_torque() -> None:
     link = streamer()
     hand = hand_on(link)
-    (row,) = procedures.max_torque(hand, 800).rows
+    (row,) = homing_and_bias.max_torque(hand, 800).rows
     assert (row["name"], row["key"], row["value"], row["finger"]) == ("maxtorque", "maxtorque", 800, None)
     assert set(link.sent) == {b'{"hand_mode":5,"maxtorque":800}\n'}
     assert hand.journal.messages[-1].code == "not-read-back"
     with pytest.raises(NoAnswer):
-        procedures.max_torque(hand_on(ScriptedLink()), 800)
+        homing_and_bias.max_torque(hand_on(ScriptedLink()), 800)
 
 
 # -- targets, against the simulator -----------------------------------------------------------------------------------
@@ -305,7 +305,7 @@ def test_a_second_interrupt_and_a_lost_link_are_told() -> None:
     for write, word, error in ((again, "interrupted again", NoAnswer), (lost, "gone", LinkError)):
         link = streamer()
         link.write = write  # type: ignore[method-assign,assignment]
-        ended = stop_sequence.stop_without_interrupts(hand_on(link).stop, Prompts())
+        ended = stop_on_interrupt.stop_without_interrupts(hand_on(link).stop, Prompts())
         assert type(ended) is error and word in ended.text and ended.code == "not-stopped"
 
 

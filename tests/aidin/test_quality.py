@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.map import FEEDBACK
+from handctl.devices.aidin.parameter_map import FEEDBACK
 from handctl.errors import ProtocolError
 from handctl.link import ByteLink
 from handctl.model.param import elements_of

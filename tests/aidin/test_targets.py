@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.aidin.map import ANGLES, CURRENTS, ENCODERS, TIPS
 from handctl.devices.aidin.motion import Goal, axes_of, parse, ramp
+from handctl.devices.aidin.parameter_map import ANGLES, CURRENTS, ENCODERS, TIPS
 from handctl.errors import CheckFailed, UsageError
 from handctl.model.movement import AxisReading, Stillness, Watch
 from tests.support.each_row import each_row

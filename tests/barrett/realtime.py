@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import Any
 
-from handctl.devices.barrett.realtime.flags import FlagRequest
+from handctl.devices.barrett.realtime.control_values import Change, Controls
 from handctl.devices.barrett.realtime.guards import GUARDS
 from handctl.devices.barrett.realtime.loop import RealtimeLoop
-from handctl.devices.barrett.realtime.schedule import Change, Controls
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest
 from handctl.errors import HandctlError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Sample

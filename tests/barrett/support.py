@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.param import Element
 from handctl.model.result import Journal

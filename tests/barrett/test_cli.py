@@ -11,7 +11,7 @@ from unittest import mock
 
 import pytest
 
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.link.fake import FakeLink
 from handctl.link.transcript import parse
 from tests.barrett.commands import (

@@ -10,7 +10,7 @@ import pytest
 
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.maintenance import fingertips
-from handctl.devices.barrett.map import with_sign
+from handctl.devices.barrett.parameter_map import with_sign
 from handctl.devices.barrett.realtime.blocks import Layout, Selection
 from handctl.errors import ProtocolError
 from handctl.model.prompts import Prompts

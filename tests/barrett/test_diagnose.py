@@ -8,13 +8,13 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.maintenance import diagnose, health, symptoms
+from handctl.devices.barrett.maintenance import diagnose, health_limits, symptoms
 from handctl.devices.barrett.maintenance.diagnose import CHECKS, ExaminedHand
-from handctl.devices.barrett.maintenance.health import Finding
+from handctl.devices.barrett.maintenance.health_limits import Finding
 from handctl.devices.barrett.maintenance.symptoms import PROCEDURES
-from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.parameter_map import BARRETT, GclParam
 from handctl.errors import CheckFailed, Interrupted, LinkError, UsageError
-from handctl.model.checks import FAIL, OK, SKIPPED, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts
 from tests.barrett.support import Simulated, hand_on, scripted, simulated
 from tests.support.each_row import each_row
@@ -143,7 +143,7 @@ def test_the_forecast_of_every_setting_at_its_ends_comes_true(param: GclParam, e
     body = patient()
     value = (max(param.choices) if end == "high" else min(param.choices)) if param.choices else getattr(param, end)
     assert not body.hand.line.ask(f"1FSET {param.mnemonic} {value}").status
-    said = health.can_move("F1", body.values)
+    said = health_limits.can_move("F1", body.values)
     went = []
     for command in ("1M 9000", "1C", "1O"):
         before = patient_position(body)

@@ -12,8 +12,8 @@ from handctl.devices.barrett.firmware.srecords import parse
 from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.maintenance import diagnose
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values
-from handctl.devices.barrett.realtime.flags import FlagRequest
 from handctl.devices.barrett.realtime.loop import RealtimeLoop
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest
 from handctl.errors import HandctlError, NoAnswer
 from handctl.link import Deadline
 from handctl.model.prompts import InterruptCount, Prompts

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from handctl.cli import main
-from handctl.devices.barrett import eeprom, state_files
+from handctl.devices.barrett import eeprom_saves, state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.line import Restarted
 from handctl.errors import DeviceRefused, HandctlError, OutputError, ProtocolError, UsageError
@@ -33,15 +33,15 @@ def saves(link: Simulated) -> list[str]:
 
 
 def save(hand: BarrettHand, force: bool = False, simulated: bool = False) -> list[dict]:
-    return eeprom.save(hand, force=force, simulated=simulated).rows
+    return eeprom_saves.save(hand, force=force, simulated=simulated).rows
 
 
 def test_where_the_journal_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    assert state_path(eeprom.FILE) == tmp_path / "handctl" / "barrett-saves.json"
+    assert state_path(eeprom_saves.FILE) == tmp_path / "handctl" / "barrett-saves.json"
     monkeypatch.delenv("XDG_STATE_HOME")
     monkeypatch.setenv("HOME", str(tmp_path / "home"))
-    assert state_path(eeprom.FILE) == tmp_path / "home" / ".local" / "state" / "handctl" / "barrett-saves.json"
+    assert state_path(eeprom_saves.FILE) == tmp_path / "home" / ".local" / "state" / "handctl" / "barrett-saves.json"
 
 
 def test_the_first_save_saves_all_and_shows_what_is_no_default(state: Path) -> None:
@@ -116,7 +116,7 @@ def test_saved_values_survive_a_power_cycle(state: Path) -> None:
     save(hand)
     link.power_cycle()
     link.sleep(2.0)
-    assert eeprom.present(hand)["default_position.F2"] == 5
+    assert eeprom_saves.present(hand)["default_position.F2"] == 5
 
 
 @pytest.mark.parametrize(
@@ -140,7 +140,7 @@ def test_a_damaged_journal_is_refused_before_anything_is_saved(text: str, state:
 
 
 def test_the_journal_is_replaced_atomically(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    state_files.store(state, eeprom.WHAT, {"a": {"saves": 1}})
+    state_files.store(state, eeprom_saves.WHAT, {"a": {"saves": 1}})
     assert [path.name for path in state.parent.iterdir()] == [state.name]
     seen: list[str] = []
 
@@ -150,7 +150,7 @@ def test_the_journal_is_replaced_atomically(state: Path, monkeypatch: pytest.Mon
 
     monkeypatch.setattr(os, "replace", replace)
     with pytest.raises(OutputError) as caught:
-        state_files.store(state, eeprom.WHAT, {"b": {"saves": 2}})
+        state_files.store(state, eeprom_saves.WHAT, {"b": {"saves": 2}})
     assert json.loads(seen[0]) == {"b": {"saves": 2}}
     assert kept(state) == {"a": {"saves": 1}}
     assert "No space left" in caught.value.text
@@ -241,14 +241,14 @@ def test_another_speed_is_not_saved_by_accident(yes: bool, state: Path) -> None:
 
 
 def test_default_of() -> None:
-    assert eeprom.default_of("init_velocity.SPREAD") == 150
-    assert eeprom.default_of("init_velocity.F1") == 300
-    assert eeprom.default_of("baud_rate") == 96
+    assert eeprom_saves.default_of("init_velocity.SPREAD") == 150
+    assert eeprom_saves.default_of("init_velocity.F1") == 300
+    assert eeprom_saves.default_of("baud_rate") == 96
 
 
 def test_a_serial_number_of_0_names_no_hand(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """SN 0 is that of every hand upgraded in the field (§5.4.2): nothing is skipped or refused by another one's entry."""
-    monkeypatch.setattr(eeprom, "_key", lambda _hand, _simulated: "0")
+    monkeypatch.setattr(eeprom_saves, "_key", lambda _hand, _simulated: "0")
     hand, link = simulated("")
     save(hand)
     save(hand)

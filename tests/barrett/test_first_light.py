@@ -11,7 +11,7 @@ import pytest
 
 from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.maintenance import first_light, harm
+from handctl.devices.barrett.maintenance import first_light, signs_of_harm
 from handctl.devices.barrett.maintenance.cli import LIGHT_STEPS
 from handctl.errors import (
     CheckFailed,
@@ -208,14 +208,14 @@ def test_heat_ends_the_run_before_anything_moves(tmp_path: Path) -> None:
 
 
 def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    trace, read = tmp_path / "t.txt", harm.heat
+    trace, read = tmp_path / "t.txt", signs_of_harm.heat
     count = [0]
 
     def warmer(hand: Any) -> tuple[int, int]:
         count[0] += 1
         return (651, 650) if count[0] > 7 else read(hand)  # temperature twice over, init before, then behind each motor
 
-    monkeypatch.setattr(harm, "heat", warmer)
+    monkeypatch.setattr(signs_of_harm, "heat", warmer)
     result = light(COLD, "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, "hot")
     assert 1 <= len(moved(trace)) < 4

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.map import BEYOND, TRAVEL, implausible
+from handctl.devices.barrett.parameter_map import BEYOND, TRAVEL, implausible
 from handctl.devices.barrett.realtime import cli
+from handctl.devices.barrett.realtime.control_values import Change, Controls, Schedule
 from handctl.devices.barrett.realtime.guards import GUARDS, Guards, Limits
-from handctl.devices.barrett.realtime.schedule import Change, Controls, Schedule
 from handctl.errors import CheckFailed, ProtocolError, UsageError
 from tests.barrett.commands import fake
 from tests.barrett.realtime import Names, Run, assert_left

@@ -8,12 +8,12 @@ from handctl.devices.barrett import explain_bytes
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT
-from handctl.devices.barrett.views import parameters_view, unhealthy
+from handctl.devices.barrett.parameter_map import BARRETT
+from handctl.devices.barrett.status_and_parameter_views import parameters_view, unhealthy
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.link.transcript import observed
 from handctl.model.result import Journal
-from handctl.screen.tables import fitting
+from handctl.screen.terminal_tables import fitting
 from tests.barrett.support import (
     CR,
     QUESTION,

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.gcl import codec
+from handctl.devices.barrett.gcl import status_codes
 from handctl.devices.barrett.gcl.codec import Answer, Decoder, batches, encode, motor_prefix, motors_of, values
 from handctl.errors import ProtocolError, UsageError
 from tests.barrett.support import gcl
@@ -84,16 +84,16 @@ def test_motors_of_a_prefix() -> None:
 
 @each_row(("code", "words"), STATUS)
 def test_status_codes(code: int, words: str) -> None:
-    text = codec.explain_status(code)
+    text = status_codes.explain_status(code)
     assert f"({code})" in text
     assert text == f"{words} ({code})", "the manual's wording, T3"
-    assert codec.hint_for(code)
-    assert "does not list" not in codec.hint_for(code)
+    assert status_codes.hint_for(code)
+    assert "does not list" not in status_codes.hint_for(code)
 
 
 def test_exactly_the_codes_of_the_table() -> None:
-    assert list(codec.ERRORS) == [code for code, _ in STATUS]
-    assert sum(codec.ERRORS) == 32247
+    assert list(status_codes.STATUS_CODES) == [code for code, _ in STATUS]
+    assert sum(status_codes.STATUS_CODES) == 32247
 
 
 @pytest.mark.parametrize(
@@ -111,21 +111,21 @@ def test_exactly_the_codes_of_the_table() -> None:
     ],
 )
 def test_sums_keep_every_bit(code: int, text: str) -> None:
-    assert codec.explain_status(code) == text
+    assert status_codes.explain_status(code) == text
 
 
 @given(st.integers(0, 1 << 64))
 def test_split_status_is_exact(code: int) -> None:
-    bits = codec.split_status(code)
+    bits = status_codes.split_status(code)
     assert sum(bits) == code
     assert bits == sorted(set(bits))
     assert all(bit & (bit - 1) == 0 for bit in bits)
 
 
 def test_a_hint_for_unknown_codes() -> None:
-    assert "does not list" in codec.hint_for(8)
-    assert "does not list" in codec.hint_for(0)
-    assert "init" in codec.hint_for(8 | 4 | 16)
+    assert "does not list" in status_codes.hint_for(8)
+    assert "does not list" in status_codes.hint_for(0)
+    assert "init" in status_codes.hint_for(8 | 4 | 16)
 
 
 # -- answers ----------------------------------------------------------------------------------------------------------

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.realtime.laws import FUNCTIONS, Known, Rules
-from handctl.devices.barrett.realtime.schedule import COLUMNS, Controls, Live
+from handctl.devices.barrett.realtime.control_laws import FUNCTIONS, Known, Rules
+from handctl.devices.barrett.realtime.control_values import COLUMNS, Controls, Live
 from handctl.errors import CheckFailed, UsageError
 from handctl.link import fake as links
 from tests.barrett.commands import fake

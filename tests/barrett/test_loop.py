@@ -10,9 +10,9 @@ import pytest
 
 from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.realtime.blocks import Values
-from handctl.devices.barrett.realtime.flags import FlagRequest
+from handctl.devices.barrett.realtime.control_values import Controls, Schedule
 from handctl.devices.barrett.realtime.loop import SELF_TEST_BLOCKS, RealtimeLoop
-from handctl.devices.barrett.realtime.schedule import Controls, Schedule
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest
 from handctl.errors import CheckFailed, HandctlError, ProtocolError, UsageError
 from handctl.link import Deadline
 from handctl.model.prompts import Prompts

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 
 from handctl.devices.barrett import state_files
-from handctl.devices.barrett.maintenance import health
+from handctl.devices.barrett.maintenance import health_limits
 from handctl.devices.barrett.maintenance import lubrication as upkeep
 from handctl.errors import DeviceRefused, OutputError, UsageError
-from handctl.model.checks import FAIL, OK, WARNING
+from handctl.model.check_rows import FAIL, OK, WARNING
 from tests.barrett.support import codes, scripted
 
 OD = "104233 98712 110003 20117"
@@ -136,21 +136,27 @@ def test_no_points(text: str) -> None:
 
 def test_thresholds() -> None:
     """Dossier 9.4."""
-    assert [health.temperature(t).status for t in (600, 601, 650, 651)] == [OK, WARNING, WARNING, FAIL]
-    assert [health.peak(t).status for t in (649, 650)] == [OK, WARNING]
-    assert [health.over_temperature_limit(t).status for t in (0, 60, 299, 300, 600, 650, 651)] == [
+    assert [health_limits.temperature(t).status for t in (600, 601, 650, 651)] == [OK, WARNING, WARNING, FAIL]
+    assert [health_limits.peak(t).status for t in (649, 650)] == [OK, WARNING]
+    assert [health_limits.over_temperature_limit(t).status for t in (0, 60, 299, 300, 600, 650, 651)] == [
         OK, FAIL, FAIL, OK, OK, OK, WARNING,
     ]  # fmt: skip
-    assert "600" in health.over_temperature_limit(60).evidence
-    assert [health.motor_status("F1", s).status for s in (0, 4, 16, 16384, 20, 1, 2, 5, 8192, 8)] == [
+    assert "600" in health_limits.over_temperature_limit(60).evidence
+    assert [health_limits.motor_status("F1", s).status for s in (0, 4, 16, 16384, 20, 1, 2, 5, 8192, 8)] == [
         OK, WARNING, WARNING, WARNING, WARNING, FAIL, FAIL, FAIL, FAIL, FAIL,
     ]  # fmt: skip
-    assert [health.due(strokes) for strokes in (0, 3999.9, 4000, 5000, 5000.1)] == [OK, OK, WARNING, WARNING, FAIL]
+    assert [health_limits.due(strokes) for strokes in (0, 3999.9, 4000, 5000, 5000.1)] == [
+        OK,
+        OK,
+        WARNING,
+        WARNING,
+        FAIL,
+    ]
 
 
 def test_setting_thresholds() -> None:
     def verdict(name: str, motor: str | None, value: int) -> str:
-        found = health.settings({(name, motor): value})
+        found = health_limits.settings({(name, motor): value})
         assert len(found) <= 1
         return found[0].status if found else OK
 
@@ -163,4 +169,4 @@ def test_setting_thresholds() -> None:
         ("DP", "F1", 70000, FAIL), ("DP", "F1", 1, OK), ("FDZ", "F1", 3, WARNING), ("MOV", "F1", 15, FAIL),
     ]:  # fmt: skip
         assert verdict(name, motor, value) == expected, (name, motor, value)
-    assert [f.check for f in health.settings({("HSG", "F1"): 150, ("MSG", "F1"): 256})] == ["HSG.F1"]
+    assert [f.check for f in health_limits.settings({("HSG", "F1"): 150, ("MSG", "F1"): 256})] == ["HSG.F1"]

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from handctl.devices.barrett.map import BARRETT, GclParam, standard
+from handctl.devices.barrett.parameter_map import BARRETT, GclParam, standard
 from handctl.sim import create
 from tests.support.each_row import each_row
 

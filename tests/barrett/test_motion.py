@@ -10,7 +10,7 @@ from handctl.cli import main
 from handctl.devices.barrett import motion
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, ProtocolError, UsageError
 from handctl.model.prompts import Prompts
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
 from tests.support.cli import run
 from tests.support.each_row import each_row

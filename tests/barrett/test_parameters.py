@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.map import BARRETT, SPEEDS, GclParam, check_careful, standard
-from handctl.devices.barrett.views import audit
+from handctl.devices.barrett.parameter_map import BARRETT, SPEEDS, GclParam, check_careful, standard
+from handctl.devices.barrett.status_and_parameter_views import audit
 from handctl.errors import UsageError
 from handctl.model.param import Element
 from tests.barrett.support import changes, elements, simulated

@@ -94,7 +94,7 @@ def test_ctrl_c_stops_the_motors_before_anything_else(tmp_path: Path, monkeypatc
 def test_a_caller_that_fails_between_two_rows_stops_the_motors(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A disk that is full: the file cannot take the row, and no request goes into the loop."""
     from handctl.errors import OutputError
-    from handctl.record.recording import Recording
+    from handctl.record.csv_and_sidecar import Recording
 
     trace, add = tmp_path / "t.txt", Recording.add
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from handctl.devices.barrett.realtime.schedule import (
+from handctl.devices.barrett.realtime.control_values import (
     Change,
     Controls,
     Live,
@@ -296,7 +296,7 @@ def test_live_lines_without_a_first_one_are_refused() -> None:
 
 def test_rows_with_times_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     """A pipe may have more of them without end."""
-    monkeypatch.setattr("handctl.devices.barrett.realtime.schedule.MOST_ROWS", 3)
+    monkeypatch.setattr("handctl.devices.barrett.realtime.control_values.MOST_ROWS", 3)
     endless = ("1,20\n" for _ in count())
     with pytest.raises(UsageError, match="more than 3 rows"):
         parse(chain(["t,velocity\n"], endless), "in.csv", BOTH, {})

@@ -24,8 +24,8 @@ from handctl.devices.barrett.gcl.connect_table import FILL, QUESTION, SAFE_ABORT
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.files import state_path
 from handctl.link import Deadline
-from handctl.model.other_devices import renamed
-from handctl.sim.barrett.board import STATES
+from handctl.model.other_family_bytes import renamed
+from handctl.sim.barrett.shared_state import STATES
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.barrett.support import Simulated, codes, hand_on
 from tests.barrett.sweep import Row, begin, files, leaves, lines, outcome, reads, starts, words

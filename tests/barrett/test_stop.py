@@ -7,9 +7,9 @@ from itertools import combinations
 import pytest
 
 from handctl.devices.barrett import state_files
-from handctl.devices.barrett.map import SPEEDS
+from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import SILENCE, StopContext, writes_without_replies
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.support.cli import Result, Spy, run, spying

@@ -11,7 +11,7 @@ from handctl.cli import main
 from handctl.command.get_set_watch import select
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import Answer
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.link.transcript import parse
 from handctl.sim import create
 from tests.barrett.support import ABORT, CR, MET, PROMPT, QUESTION, hand_on

@@ -10,19 +10,19 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import product
 from pathlib import Path
 
-from handctl.devices.barrett.map import SPEEDS
+from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.devices.barrett.realtime.blocks import Layout, Selection
-from handctl.devices.barrett.realtime.flags import FlagRequest
-from handctl.devices.barrett.realtime.session import Session
+from handctl.devices.barrett.realtime.enter_and_leave import Session
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest
 from handctl.devices.barrett.stopper import power_off
 from handctl.devices.inspire.eb90 import read_request
 from handctl.devices.inspire.hand.probe import TARGET
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
 from handctl.link.deadman import EarlyWrite, Guard
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, exchange_steps, stop_sequence_of
-from handctl.tools.probes import probe_of
+from handctl.tools.family_probe import probe_of
 from tests.barrett.line_receiver import Sent
 from tests.barrett.support import hand_on
 from tests.support.cli import run

@@ -16,16 +16,16 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing
 
 from handctl.devices.inspire import modbus_frames
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.hand.map import DF, TP
+from handctl.devices.inspire.hand.generations import DF, TP
 from handctl.devices.inspire.hand.probe import TARGET
 from handctl.devices.inspire.hand.tactile import ZONES, tactile
+from handctl.devices.inspire.id_and_baud_search import FIRST_SECONDS, LATE_SECONDS
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.scan import sweep
-from handctl.devices.inspire.scan_wire import FIRST_SECONDS, LATE_SECONDS
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.link import ByteLink, open_link
 from handctl.model.result import Journal

@@ -22,12 +22,12 @@ import pytest
 
 from handctl.command.command_tree import HEADINGS, USUAL
 from handctl.command.family import load
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.errors import ProtocolError
 from handctl.families import COMMANDS, FAMILIES, LISTED
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.model.param import SETTING, Element, ParamMap, elements_of
-from handctl.tools.trace_read import explainer_of
+from handctl.tools.trace_reader import explainer_of
 from tests.contract.cell import CODES, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of, writing_commands
 from tests.contract.facts import Passed, Rule, facts_of, passed

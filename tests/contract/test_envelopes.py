@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from tests.contract.facts import facts_of
 from tests.support.cli import check_schema, run

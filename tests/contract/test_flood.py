@@ -8,8 +8,8 @@ from handctl.command.family import Family, load
 from handctl.errors import JUDGED, HandctlError
 from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
+from handctl.model.command_settings import Settings
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
 
 WIRE, FAST = 11_520, 400_000
 """Bytes a second: as many as a line at 115200 carries, and what a USB device of its own speed sends."""

@@ -24,7 +24,7 @@ MOST_LINES = 300
 """Code lines of a family and its simulator."""
 MOST_GENERATED = 16
 """Files that the generator changes for a new family, besides its own two pages."""
-FILES = ("device", "codec", "map", "probe", "cli", "explain_bytes", "stopper")
+FILES = ("device", "codec", "parameter_map", "probe", "cli", "explain_bytes", "stopper")
 DEVICE, CODEC, MAP, PROBE, CLI, EXPLAIN, STOPPER = (f"src/handctl/devices/{NAME}/{file}.py" for file in FILES)
 
 

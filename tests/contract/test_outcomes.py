@@ -6,9 +6,9 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.sim import model_class
-from handctl.sim.barrett import loop, monitor
-from handctl.sim.engine.can import CAN_FAULTS
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.barrett import boot_monitor, realtime_loop
+from handctl.sim.engine.can_line import CAN_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from handctl.sim.hand.registers import MODBUS_FAULTS, SERIAL_FAULTS, TCP_FAULTS
 from tests.contract.facts.outcomes import outcomes_of
 
@@ -18,7 +18,7 @@ OF_WIRE = {
     "tcp": {**MODBUS_FAULTS, **TCP_FAULTS},
 }
 """Faults of the RH56 hands that are of one wire."""
-OTHERS = {"barrett": {*loop.FAULTS, *monitor.FAULTS}}
+OTHERS = {"barrett": {*realtime_loop.FAULTS, *boot_monitor.FAULTS}}
 """Faults that only meet commands with tests of their own: `realtime` and the firmware's."""
 
 

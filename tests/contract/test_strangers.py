@@ -13,7 +13,7 @@ import pytest
 from handctl.command import snapshots
 from handctl.command.family import load, map_of
 from handctl.families import FAMILIES
-from handctl.tools.probes import probe_of
+from handctl.tools.family_probe import probe_of
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 

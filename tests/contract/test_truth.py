@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 from handctl.command.family import in_words
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Param, elements_of
 from handctl.sim import model_class
-from handctl.tools.trace_read import explainer_of
+from handctl.tools.trace_reader import explainer_of
 from tests.contract.cell import in_bytes, tried
 from tests.contract.commands import scratch_of, writing_commands
 from tests.contract.facts import facts_of, passed

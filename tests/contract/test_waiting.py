@@ -13,9 +13,9 @@ import pytest
 from handctl.command.family import load
 from handctl.families import FAMILIES
 from handctl.link import NoLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import Device
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
 from tests.contract.facts import Waiting, facts_of
 from tests.harm.cell import connected, link_of
 from tests.harm.lines import Line, lines_of, prepare

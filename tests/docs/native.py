@@ -11,7 +11,7 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-from handctl.docgen.tree import read_tree
+from handctl.docgen.read_command_tree import read_tree
 from tests.docs.words import ROOMS, spoken, texts
 from tests.support.places import TEXTS
 

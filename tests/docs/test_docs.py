@@ -23,8 +23,8 @@ from handctl.command.command_tree import root
 from handctl.command.options import SharedOption
 from handctl.devices.barrett.maintenance import lubrication
 from handctl.docgen.__main__ import generate
+from handctl.docgen.read_command_tree import map_of
 from handctl.docgen.roff import Page, escape, marked
-from handctl.docgen.tree import map_of
 from handctl.families import COMMANDS, FAMILIES, WIRES
 from tests.support.cli import run
 from tests.support.each_row import each_row

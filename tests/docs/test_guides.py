@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl import guides
-from handctl.docgen import man as pages
+from handctl.docgen import man_pages as pages
 from handctl.guides import Code, Heading, Item, Para, Table
 
 TEXT = """# handctl-some-guide(7): how to do it

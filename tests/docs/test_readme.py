@@ -14,7 +14,7 @@ import pytest
 from handctl import errors, guides
 from handctl.command.options import lasting_options
 from handctl.docgen.guide_tables import MAKERS, SECTION, filled
-from handctl.docgen.tree import read_tree
+from handctl.docgen.read_command_tree import read_tree
 from handctl.families import COMMANDS, FAMILIES
 from handctl.model import write_ledger
 from tests.support.cli import Result, run

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from handctl.docgen.tree import read_tree
+from handctl.docgen.read_command_tree import read_tree
 from handctl.families import COMMANDS
 from tests.docs.words import ROOMS, modules, spoken, texts
 from tests.support.each_row import each_row

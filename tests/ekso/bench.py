@@ -9,10 +9,10 @@ from typing import Any
 import pytest
 
 from handctl.command.terminal_prompts import TerminalPrompts
-from handctl.devices.ekso.audit import AuditLog
-from handctl.devices.ekso.change import Change
+from handctl.devices.ekso.audit_log import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
-from handctl.devices.ekso.map import EKSO
+from handctl.devices.ekso.parameter_map import EKSO
+from handctl.devices.ekso.setting_change import Change
 from handctl.devices.ekso.setting_writer import Writer
 from handctl.errors import (
     HandctlError,

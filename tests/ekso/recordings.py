@@ -7,13 +7,14 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from handctl.devices.ekso.log import USUAL_MS, FeedbackLine, RowLayout
+from handctl.devices.ekso.recording_source import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
 from handctl.model.prompts import Prompts
 from handctl.model.sampling import Moment
+from handctl.record.csv_and_sidecar import Recording
 from handctl.record.marks import Heard
-from handctl.record.recording import Limits, Loop, Recording
-from handctl.record.source import Sample, Source
+from handctl.record.recording_loop import Limits, Loop
+from handctl.record.row_source import Sample, Source
 from handctl.record.timeline import Place
 
 # Dossier 8.1, GetData standing: boot 5 000 001 ms.

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.ekso.audit import TAIL, AuditLog, default_path
+from handctl.devices.ekso.audit_log import TAIL, AuditLog, default_path
 from handctl.errors import OutputError
 from tests.ekso.commands import ME, unit
 from tests.support.cli import Result, run
@@ -23,7 +23,7 @@ from tests.support.cli import Result, run
 WRITER = """
 import sys
 from pathlib import Path
-from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.audit_log import AuditLog
 for number in range(20):
     AuditLog(Path(sys.argv[1]), {"writer": sys.argv[2]}).record("intent", float(number))
 """
@@ -31,7 +31,7 @@ for number in range(20):
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.audit_log import AuditLog
 log = AuditLog(Path(sys.argv[1]), {"operator": "me"})
 for number in range(3):
     log.record("intent", 1.5, number=number)

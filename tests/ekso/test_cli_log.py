@@ -20,8 +20,8 @@ from typing import Any
 import pexpect
 import pytest
 
-from handctl.link.base import Deadline
 from handctl.link.fake import FakeLink
+from handctl.link.link_interface import Deadline
 from tests.support.cli import PATIENCE, Result, clean_environment, program, run, wait_until
 
 

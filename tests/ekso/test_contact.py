@@ -45,7 +45,7 @@ def test_a_message_that_is_not_there_is_left_out(message: str, instead: bytes | 
 def test_what_alone_is_not_answered_is_asked_with_reads_only() -> None:
     """A write was answered last: nothing of it is sent to look who is there."""
     from handctl.devices.ekso.frames import Command
-    from handctl.devices.ekso.map import EKSO
+    from handctl.devices.ekso.parameter_map import EKSO
     from handctl.model.param import elements_of
     from tests.ekso.support import Unit, ekso_on
 

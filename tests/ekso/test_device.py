@@ -9,7 +9,7 @@ import pytest
 
 from handctl.command.get_set_watch import select
 from handctl.devices.ekso.device import dump_view, one_setting, words_view
-from handctl.devices.ekso.map import EKSO, MESSAGES
+from handctl.devices.ekso.parameter_map import EKSO, MESSAGES
 from handctl.devices.ekso.status import status_view, unfit
 from handctl.errors import (
     CheckFailed,

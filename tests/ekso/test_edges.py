@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 from handctl.command.terminal_prompts import TerminalPrompts
-from handctl.devices.ekso.audit import AuditLog
+from handctl.devices.ekso.audit_log import AuditLog
 from handctl.devices.ekso.device import Ekso, one_setting
 from handctl.devices.ekso.explain_bytes import EksoWriteRules
 from handctl.devices.ekso.frames import Command, cancel_body, encode
 from handctl.devices.ekso.setting_writer import Writer
 from handctl.errors import NoAnswer, OutputError, ProtocolError, UsageError
-from handctl.record import recording as recording_module
-from handctl.record.recording import Limits
+from handctl.record import csv_and_sidecar as recording_module
+from handctl.record.recording_loop import Limits
 from tests.ekso.recordings import Device, opened, recorded, steady
 from tests.ekso.support import DATE, TIME, Unit, codes, ekso_on, frame, port_on
 

@@ -14,9 +14,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handctl.devices.ekso import log_reader
-from handctl.devices.ekso.export import motion, table
+from handctl.devices.ekso.export_opensim import motion, table
 from handctl.devices.ekso.log_reader import LogFile
-from handctl.devices.ekso.map import DATA
+from handctl.devices.ekso.parameter_map import DATA
 from handctl.errors import UsageError
 from tests.ekso.recordings import STANDING, Device, make, opened
 from tests.support.each_row import each_row

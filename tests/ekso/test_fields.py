@@ -6,7 +6,7 @@ from decimal import Decimal
 
 import pytest
 
-from handctl.devices.ekso.map import (
+from handctl.devices.ekso.parameter_map import (
     DATA,
     EKSO,
     FEEDBACK,

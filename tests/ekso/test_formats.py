@@ -19,7 +19,7 @@ import pytest
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.model.sampling import Moment
 from handctl.record.marks import Heard
-from handctl.record.source import Sample
+from handctl.record.row_source import Sample
 from tests.ekso.recordings import STANDING, Device, opened, words_at
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row

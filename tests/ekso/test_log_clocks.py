@@ -12,7 +12,7 @@ import pytest
 
 from handctl.model.sampling import WITHIN_MS
 from handctl.record.timeline import ClockFit
-from handctl.sim.ekso.body import SIZES, Unrest
+from handctl.sim.ekso.mechanics import SIZES, Unrest
 from handctl.sim.engine.simulated_device import Random
 from tests.ekso.commands import unit
 from tests.support.cli import Result, run

@@ -7,7 +7,7 @@ import re
 import pytest
 
 from handctl.devices.ekso.frames import Command, encode
-from handctl.devices.ekso.map import DATA, EKSO, FEEDBACK, SETTINGS, Word
+from handctl.devices.ekso.parameter_map import DATA, EKSO, FEEDBACK, SETTINGS, Word
 from handctl.sim import create
 from handctl.sim.ekso import device
 from handctl.sim.ekso.device import crc

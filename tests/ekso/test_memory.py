@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 
 from handctl.command.terminal_prompts import TerminalPrompts
-from handctl.devices.ekso.audit import AuditLog, Past, logs, recent
-from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.policy import STEP_SECONDS, write_limits_of
+from handctl.devices.ekso.audit_log import AuditLog, Past, logs, recent
+from handctl.devices.ekso.parameter_map import EKSO
 from handctl.devices.ekso.setting_writer import Writer
+from handctl.devices.ekso.write_policy import STEP_SECONDS, write_limits_of
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, OutputError, UsageError
 from tests.ekso.bench import Bench, change
 from tests.ekso.commands import ME, unit

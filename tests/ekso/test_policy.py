@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.ekso.audit import TAIL, AuditLog
+from handctl.devices.ekso.audit_log import TAIL, AuditLog
 from tests.ekso.commands import ME, SCALES, unit
 from tests.support.cli import Result, run
 from tests.support.person import person

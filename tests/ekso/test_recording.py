@@ -18,13 +18,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.devices.ekso.log import USUAL_MS, EksoSource, RowLayout, parse, text_of
-from handctl.devices.ekso.map import DATA, SETTINGS
+from handctl.devices.ekso.parameter_map import DATA, SETTINGS
+from handctl.devices.ekso.recording_source import USUAL_MS, EksoSource, RowLayout, parse, text_of
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.model.prompts import Prompts
 from handctl.model.sampling import WITHIN_MS, Moment
-from handctl.record.recording import Limits, Loop, changed, file_name, without_interrupts
-from handctl.record.source import Sample, clean
+from handctl.record.csv_and_sidecar import changed, file_name, without_interrupts
+from handctl.record.recording_loop import Limits, Loop
+from handctl.record.row_source import Sample, clean
 from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline
 from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
 from tests.ekso.support import SETTINGS as GET_SETTINGS

@@ -9,7 +9,7 @@ import pytest
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import Command, cancel_body, set_value_body
-from handctl.devices.ekso.map import EKSO, MESSAGES
+from handctl.devices.ekso.parameter_map import EKSO, MESSAGES
 from handctl.errors import HandctlError
 from handctl.link.transcript import parse
 from handctl.model.result import Journal

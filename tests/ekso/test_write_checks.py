@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from handctl.command import terminal_prompts
-from handctl.devices.ekso import change, policy, write_checks
-from handctl.devices.ekso.audit import AuditLog
-from handctl.devices.ekso.map import DRIVEN, SETTINGS
+from handctl.devices.ekso import stillness, write_checks, write_policy
+from handctl.devices.ekso.audit_log import AuditLog
+from handctl.devices.ekso.parameter_map import DRIVEN, SETTINGS
 from handctl.model.sampling import WITHIN_MS
 from tests.ekso.commands import ME
 from tests.support.cli import Result, run, sent
@@ -143,7 +143,7 @@ def test_an_entry_that_does_not_reach_the_disk(
         if len(calls) == entry:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-    monkeypatch.setattr("handctl.devices.ekso.audit.os.fsync", full)
+    monkeypatch.setattr("handctl.devices.ekso.audit_log.os.fsync", full)
     result = set_(*STEP, "--audit", str(path), "--trace", str(trace))
     assert refused_by(result, name), result
     assert [data[0] for data in sent(trace)].count(SET) == (name == write_checks.RESULT)
@@ -182,7 +182,7 @@ def test_what_is_wrong_first_by_the_table_is_refused_first() -> None:
 def test_no_refusal_has_a_code_beside_the_table() -> None:
     """The writer, its memory, its looks and its verdict raise what the table holds; each row is one that somebody raises."""
     named: set[str] = set()
-    for name in ("setting_writer", "change", "audit", "map"):
+    for name in ("setting_writer", "setting_change", "stillness", "write_result", "audit_log", "parameter_map"):
         source = Path(str(importlib.import_module(f"handctl.devices.ekso.{name}").__file__)).read_text(encoding="utf-8")
         nodes = list(ast.walk(ast.parse(source)))
         codes = [word for node in nodes if isinstance(node, ast.Call) for word in node.keywords if word.arg == "code"]
@@ -214,7 +214,7 @@ def test_a_gate_that_is_asked_twice_is_one_gate() -> None:
         write_checks.RESTARTED,
         write_checks.INTENT,
     )
-    assert write_checks.at(write_checks.LOOK) + write_checks.at(write_checks.LOOKS) == tuple(change.STILL)
+    assert write_checks.at(write_checks.LOOK) + write_checks.at(write_checks.LOOKS) == tuple(stillness.STILL)
     looks = [
         write_checks.GATES[name] for name in write_checks.at(write_checks.LOOK) + write_checks.at(write_checks.LOOKS)
     ]
@@ -224,13 +224,13 @@ def test_a_gate_that_is_asked_twice_is_one_gate() -> None:
 def test_the_numbers_in_the_words_are_those_of_the_policy() -> None:
     words = {name: f"{gate.looked_at} {gate.refused}" for name, gate in write_checks.GATES.items()}
     for name, number in (
-        (write_checks.STILL, f"{policy.READS_APART} s"), (write_checks.FRESH, f"{WITHIN_MS} ms"),
-        (write_checks.SPEED, f"{policy.MOST_SPEED:.0f} deg/s"), (write_checks.PACE, f"{policy.STEP_SECONDS:.0f} s"), (write_checks.WAITED, f"{3 * policy.STEP_SECONDS:.0f} s"),
-        (write_checks.EDITED, f"{policy.STEP_SECONDS:.0f} s"), (write_checks.DAMAGED, f"{policy.STEP_SECONDS:.0f} s"), (write_checks.READ_BACK, f"{len(SETTINGS)} settings"),
+        (write_checks.STILL, f"{write_policy.READS_APART} s"), (write_checks.FRESH, f"{WITHIN_MS} ms"),
+        (write_checks.SPEED, f"{write_policy.MOST_SPEED:.0f} deg/s"), (write_checks.PACE, f"{write_policy.STEP_SECONDS:.0f} s"), (write_checks.WAITED, f"{3 * write_policy.STEP_SECONDS:.0f} s"),
+        (write_checks.EDITED, f"{write_policy.STEP_SECONDS:.0f} s"), (write_checks.DAMAGED, f"{write_policy.STEP_SECONDS:.0f} s"), (write_checks.READ_BACK, f"{len(SETTINGS)} settings"),
         (write_checks.DRIVEN, f"0x{DRIVEN:04X}"),
     ):  # fmt: skip
         assert number in words[name], name
-    assert policy.BETWEEN_WRITES < policy.STEP_SECONDS
+    assert write_policy.BETWEEN_WRITES < write_policy.STEP_SECONDS
 
 
 def test_the_page_shows_every_line() -> None:

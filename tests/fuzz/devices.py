@@ -7,7 +7,7 @@ import random
 import handctl.sim
 from handctl.model.explainer import DEVICE, HOST, SIDES
 from handctl.sim.engine.slcan import Adapter
-from handctl.tools.trace_read import explainer_of
+from handctl.tools.trace_reader import explainer_of
 from tests.contract.facts import facts_of
 from tests.fuzz.decoders import SLCAN_GOODS
 from tests.fuzz.support import Chunks

@@ -7,9 +7,10 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from handctl.devices.inspire import procedures
+from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.hand import motion
-from handctl.devices.inspire.hand.map import BYTE_MAP, DF, TP
+from handctl.devices.inspire.hand.generations import DF, TP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP
 from handctl.model.param import Element, elements_of
 from handctl.model.prompts import Prompts
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
@@ -71,17 +72,17 @@ class HandMachine(RuleBasedStateMachine):
     @rule(new=st.integers(1, 254))
     def change_id(self, new: int) -> None:
         if self.wire != TCP:
-            procedures.change_id(self.hand, new)
+            id_baud_save_reset.change_id(self.hand, new)
             self.held["id"] = [new]
 
     @rule()
     def save(self) -> None:
-        procedures.save(self.hand, Prompts())
+        id_baud_save_reset.save(self.hand, Prompts())
         self.flash = {name: list(self.held[name]) for name in self.flash}
 
     @rule()
     def clear_errors(self) -> None:
-        procedures.clear_errors(self.hand)
+        id_baud_save_reset.clear_errors(self.hand)
 
     @rule()
     def power_cycle(self) -> None:

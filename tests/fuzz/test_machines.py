@@ -22,15 +22,15 @@ from hypothesis.stateful import (
     run_state_machine_as_test,
 )
 
+from handctl.devices.aidin import homing_and_bias as modes
 from handctl.devices.aidin import motion as aidin_motion
-from handctl.devices.aidin import procedures as modes
-from handctl.devices.aidin.map import AIDIN, ENCODERS
 from handctl.devices.aidin.motion import parse
+from handctl.devices.aidin.parameter_map import AIDIN, ENCODERS
 from handctl.devices.barrett import motion as barrett_motion
-from handctl.devices.barrett.map import BARRETT
-from handctl.devices.inspire import procedures
+from handctl.devices.barrett.parameter_map import BARRETT
+from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.exo import device as exo_motion
-from handctl.devices.inspire.map import EXO, WRIST
+from handctl.devices.inspire.register_map import EXO, WRIST
 from handctl.errors import UsageError
 from handctl.model.param import Element
 from handctl.model.prompts import Prompts
@@ -100,22 +100,22 @@ class ExoMachine(RuleBasedStateMachine):
 
     @rule(new=st.integers(1, 254))
     def change_id(self, new: int) -> None:
-        procedures.change_id(self.hand, new)
+        id_baud_save_reset.change_id(self.hand, new)
         self.ram["id"] = new
 
     @rule(code=st.integers(0, 2))
     def change_baud(self, code: int) -> None:
-        procedures.change_baud(self.hand, SPEEDS[code])
+        id_baud_save_reset.change_baud(self.hand, SPEEDS[code])
         self.ram["baud_code"] = code
 
     @rule()
     def save(self) -> None:
-        procedures.save(self.hand, Prompts())
+        id_baud_save_reset.save(self.hand, Prompts())
         self.flash = dict(self.ram)
 
     @rule()
     def clear_errors(self) -> None:
-        procedures.clear_errors(self.hand)
+        id_baud_save_reset.clear_errors(self.hand)
 
     @rule()
     def power_cycle(self) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from handctl.command import config, snapshots
 from handctl.devices.barrett.firmware import srecords
-from handctl.devices.ekso.export import LogFile
+from handctl.devices.ekso.export_opensim import LogFile
 from handctl.errors import LinkError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink
 from handctl.link.replay import open_replay
@@ -228,9 +228,9 @@ class EksoLog:
     """A recorded log with its sidecar: rows as they were written, or a UsageError naming the line."""
 
     def __init__(self, folder: Path) -> None:
-        from handctl.devices.ekso.log import RowLayout
+        from handctl.devices.ekso.recording_source import RowLayout
         from handctl.model.sampling import Moment
-        from handctl.record.source import Stamp
+        from handctl.record.row_source import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at
 

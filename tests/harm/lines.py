@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from handctl import families
-from handctl.tools.probes import family_of, probe_of
+from handctl.tools.family_probe import family_of, probe_of
 from tests.contract.commands import commands as commands_of
 from tests.contract.commands import scratch_of
 from tests.contract.facts import facts_of

@@ -14,8 +14,8 @@ from typing import Any
 
 from handctl.families import FAMILIES
 from handctl.sim import create
-from handctl.sim.engine.can import CanLine
-from handctl.sim.engine.line import Line
+from handctl.sim.engine.can_line import CanLine
+from handctl.sim.engine.line_and_faults import Line
 from tests.contract.facts import facts_of
 from tests.support.rh56_hand import rh56_line
 

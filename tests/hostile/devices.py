@@ -16,7 +16,7 @@ from typing import Any
 
 from handctl.families import FAMILIES
 from handctl.sim import create
-from handctl.sim.engine.can import CanLine
+from handctl.sim.engine.can_line import CanLine
 from tests.harm.states import State
 
 CONTROLS = (
@@ -377,7 +377,7 @@ class Place:
 
 def bus_of(kind: str, wire: str) -> dict[str, str]:
     """The option of the simulator for a wire that is not its first one."""
-    from handctl.tools.probes import family_of
+    from handctl.tools.family_probe import family_of
 
     if wire == "tcp" and "modbus-tcp" in family_of(kind).wires:
         return {"bus": "modbus-tcp"}
@@ -390,7 +390,7 @@ READY = {"barrett": {"initialized": "1"}, "aidin": {"start": "homed", "rate": "2
 
 def places() -> Iterator[Place]:
     """Every family and wire, spoiled in every way."""
-    from handctl.tools.probes import family_of
+    from handctl.tools.family_probe import family_of
 
     for name in FAMILIES:
         family = family_of(name)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from handctl.devices.inspire.can_bus import CanBus
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import LinkError

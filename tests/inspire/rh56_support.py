@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from handctl.devices.inspire.can_bus import CanBus
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.link import FrameLink, open_link

@@ -10,16 +10,16 @@ import pytest
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo import device as exo_motion
 from handctl.devices.inspire.hand import motion as hand_motion
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.register_map import EXO
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import DeviceRefused, HandctlError
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.param import Number, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.inspire.wrist_support import wrist_on
 from tests.support.each_row import each_row
 from tests.support.scripted import RecordedLink, changing, hand_on

@@ -6,11 +6,11 @@ import pytest
 
 from handctl.command.get_set_watch import select
 from handctl.devices.inspire.exo.device import registers_view, status_view, unhealthy
-from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.register_map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, LinkError, NoAnswer
 from handctl.model.param import Reading, elements_of
 from handctl.model.result import Cell
-from handctl.sim.engine import line
+from handctl.sim.engine import line_and_faults
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
@@ -157,7 +157,7 @@ def test_a_lost_write_is_not_sent_again() -> None:
 
 @each_row(
     "fault",
-    [*sorted(line.LINE_FAULTS), "strict"],
+    [*sorted(line_and_faults.LINE_FAULTS), "strict"],
 )
 @each_row("seed", [0, 3])
 def test_whatever_happens_each_write_goes_out_once(fault: str, seed: int) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire import procedures
+from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.exo.explain_bytes import words
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
@@ -34,7 +34,7 @@ RESET = "EB 90 01 04 12 EE 03 01 09"
 
 def test_clearable_errors_go_and_heat_stays() -> None:
     hand, link = fake_hand("fault=faults")
-    table = procedures.clear_errors(hand)
+    table = id_baud_save_reset.clear_errors(hand)
     assert values(table) == [0, 2, 0, 2, 0]
     assert [row["before"] for row in table.rows] == [1, 2, 4, 6, 24]
     assert table.failure is None
@@ -62,7 +62,7 @@ def errors_after(byte: int) -> ScriptedLink:
 
 @pytest.mark.parametrize("byte", [0x01, 0x04, 0x08, 0x10, 0x03, 0x1F, 0x20, 0x80])
 def test_errors_that_remain_are_a_failed_check(byte: int) -> None:
-    table = procedures.clear_errors(hand_on(errors_after(byte)))
+    table = id_baud_save_reset.clear_errors(hand_on(errors_after(byte)))
     assert values(table) == [0, 0, 0, byte, 0]
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (7, "errors-remain")
@@ -73,13 +73,13 @@ def test_errors_that_remain_are_a_failed_check(byte: int) -> None:
 @pytest.mark.parametrize("byte", [0x00, 0x02])
 def test_heat_alone_is_no_failure(byte: int) -> None:
     hand = hand_on(errors_after(byte))
-    assert procedures.clear_errors(hand).failure is None
+    assert id_baud_save_reset.clear_errors(hand).failure is None
     assert codes(hand) == ["over-temperature"] * bool(byte)
 
 
 def test_lost_ack_of_clear_errors_is_cleared_up_by_reading() -> None:
     hand, link = fake_hand("fault=faults,silent&every=2")
-    assert values(procedures.clear_errors(hand)) == [0, 2, 0, 2, 0]
+    assert values(id_baud_save_reset.clear_errors(hand)) == [0, 2, 0, 2, 0]
     assert "ack-lost" in codes(hand)
     assert changing(link.sent) == [CLEAR]
 
@@ -87,7 +87,7 @@ def test_lost_ack_of_clear_errors_is_cleared_up_by_reading() -> None:
 def test_refused_clear_errors() -> None:
     hand, link = fake_hand("fault=refuse")
     with pytest.raises(DeviceRefused):
-        procedures.clear_errors(hand)
+        id_baud_save_reset.clear_errors(hand)
     assert changing(link.sent) == [CLEAR]
 
 
@@ -97,7 +97,7 @@ def test_refused_clear_errors() -> None:
 @pytest.mark.parametrize("flag", [17, 18])
 def test_saved(flag: int) -> None:
     hand, link = fake_hand(f"result-flag={flag}")
-    table = procedures.save(hand, Prompts())
+    table = id_baud_save_reset.save(hand, Prompts())
     assert values(table) == ["saved"]
     assert link.now() == pytest.approx(1.0, abs=0.1)
     assert [hexed(request) for request in link.sent] == [SAVE]
@@ -108,7 +108,7 @@ def test_save_that_failed(flag: int) -> None:
     """00 is saved and FF is failed: the sense is inverted (RH56 ch. 3 ex. 4)."""
     hand, link = fake_hand(f"result-flag={flag}&fault=save-fails")
     with pytest.raises(DeviceRefused) as caught:
-        procedures.save(hand, Prompts())
+        id_baud_save_reset.save(hand, Prompts())
     assert (caught.value.exit_code, caught.value.code) == (6, "save-failed")
     assert "FF" in caught.value.text
     assert [hexed(request) for request in link.sent] == [SAVE]
@@ -116,7 +116,7 @@ def test_save_that_failed(flag: int) -> None:
 
 def test_save_without_a_result_is_a_note() -> None:
     hand, link = fake_hand("fault=no-late-frames")
-    assert values(procedures.save(hand, Prompts())) == ["accepted"]
+    assert values(id_baud_save_reset.save(hand, Prompts())) == ["accepted"]
     assert codes(hand) == ["no-result"]
     assert link.now() >= 2.5
     assert [hexed(request) for request in link.sent] == [SAVE]
@@ -149,10 +149,10 @@ def test_answers_to_a_save(replies: list[tuple[float, str]], result: str) -> Non
     link = ScriptedLink(lambda request: [(delay, unhex(data)) for delay, data in replies])
     hand = hand_on(link, retries=3)
     if result in ("saved", "accepted"):
-        assert values(procedures.save(hand, Prompts())) == [result]
+        assert values(id_baud_save_reset.save(hand, Prompts())) == [result]
     else:
         with pytest.raises(HandctlError) as caught:
-            procedures.save(hand, Prompts())
+            id_baud_save_reset.save(hand, Prompts())
         assert caught.value.code == result
     assert [hexed(request) for request in link.sent] == [SAVE]
     assert link.now() < 6.0
@@ -160,14 +160,14 @@ def test_answers_to_a_save(replies: list[tuple[float, str]], result: str) -> Non
 
 def test_silence_after_a_save_says_that_nothing_is_known() -> None:
     with pytest.raises(NoAnswer) as caught:
-        procedures.save(hand_on(ScriptedLink()), Prompts())
+        id_baud_save_reset.save(hand_on(ScriptedLink()), Prompts())
     assert "not known" in caught.value.hint
     assert "power-cycle" in caught.value.hint
 
 
 def test_acks_without_end_do_not_hold_the_save() -> None:
     link = ScriptedLink(lambda request: [(0.1 * number, unhex(SAVE_ACK)) for number in range(2000)])
-    assert values(procedures.save(hand_on(link), Prompts())) == ["accepted"]
+    assert values(id_baud_save_reset.save(hand_on(link), Prompts())) == ["accepted"]
     assert link.now() < 20.0
 
 
@@ -176,7 +176,7 @@ def test_an_interrupted_save_says_that_it_was_sent(moment: float) -> None:
     link = ScriptedLink(lambda request: [(0.05, unhex(SAVE_ACK)), (1.0, unhex("90 EB 01 04 11 ED 03 00 06"))])
     link.interrupt_at = moment
     with pytest.raises(HandctlError) as caught:
-        procedures.save(hand_on(link), Prompts())
+        id_baud_save_reset.save(hand_on(link), Prompts())
     assert caught.value.exit_code == 130
     assert "save was sent" in caught.value.text
     assert changing(link.sent) == [SAVE]
@@ -187,7 +187,7 @@ def test_an_interrupted_save_says_that_it_was_sent(moment: float) -> None:
 
 def test_reset_writes_once_and_looks_who_answers() -> None:
     hand, link = fake_hand("id=7", 7)
-    table = procedures.factory_reset(hand)
+    table = id_baud_save_reset.factory_reset(hand)
     assert values(table) == ["accepted"]
     assert changing(link.sent) == ["EB 90 07 04 12 EE 03 01 0F"]
     assert hand.bus.id == 1
@@ -197,7 +197,7 @@ def test_reset_writes_once_and_looks_who_answers() -> None:
 
 def test_lost_ack_of_a_reset_is_a_note() -> None:
     hand = hand_on(link := ScriptedLink())
-    procedures.factory_reset(hand)
+    id_baud_save_reset.factory_reset(hand)
     assert changing(link.sent) == [RESET]
     assert "ack-lost" in codes(hand)
     assert "do not reply now" in message(hand, "power-cycle")
@@ -205,12 +205,12 @@ def test_lost_ack_of_a_reset_is_a_note() -> None:
 
 def test_reset_that_nobody_acknowledged_is_not_called_accepted() -> None:
     hand = hand_on(ScriptedLink())
-    assert values(procedures.factory_reset(hand)) != ["accepted"]
+    assert values(id_baud_save_reset.factory_reset(hand)) != ["accepted"]
 
 
 def test_reset_on_a_line_with_echo() -> None:
     hand, link = fake_hand("id=7&fault=echo", 7)
-    procedures.factory_reset(hand)
+    id_baud_save_reset.factory_reset(hand)
     assert hand.bus.id == 1
     assert len(changing(link.sent)) == 1
 
@@ -219,7 +219,7 @@ def test_an_interrupted_reset_says_that_it_was_sent() -> None:
     hand, link = fake_hand()
     link.interrupt_at = 0.5
     with pytest.raises(HandctlError) as caught:
-        procedures.factory_reset(hand)
+        id_baud_save_reset.factory_reset(hand)
     assert caught.value.exit_code == 130
     assert "reset was sent" in caught.value.text
     assert "scan" in caught.value.hint
@@ -228,11 +228,11 @@ def test_an_interrupted_reset_says_that_it_was_sent() -> None:
 def test_a_link_lost_during_a_save_or_a_reset_is_told() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
-        procedures.save(hand, Prompts())
+        id_baud_save_reset.save(hand, Prompts())
     assert "its result is not known" in caught.value.text
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
-        procedures.factory_reset(hand)
+        id_baud_save_reset.factory_reset(hand)
     assert "reset was sent" in caught.value.text
 
 
@@ -240,7 +240,7 @@ def test_a_reset_that_nobody_answers_after_is_no_success() -> None:
     """It was acknowledged, then the hand is gone: no evidence that it came back, so it is exit 4."""
     ack = [(0.0, unhex("90 EB 01 04 12 EE 03 01 09"))]
     link = ScriptedLink(lambda request: ack if hexed(request) == RESET else [])
-    table = procedures.factory_reset(hand_on(link))
+    table = id_baud_save_reset.factory_reset(hand_on(link))
     assert values(table) == ["accepted"]
     assert table.failure is not None
     assert (table.failure.exit_code, table.failure.code) == (4, "gone")

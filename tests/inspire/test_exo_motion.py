@@ -8,10 +8,10 @@ import pytest
 
 from handctl.devices.inspire import raw
 from handctl.devices.inspire.exo import device as procedures
-from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.register_map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     NotedGuide,

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import pytest
 
-from handctl.devices.inspire import procedures
+from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
@@ -41,14 +41,14 @@ BAUD_1 = "EB 90 01 04 12 E9 03 01 04"
 
 def test_probe_reads_two_bytes_and_keeps_the_timeout() -> None:
     hand = hand_on(link := ScriptedLink(script((PROBE_1, [HERE_1]))), timeout=0.7)
-    assert procedures.probe(hand.bus, 1) is True
+    assert id_baud_save_reset.probe(hand.bus, 1) is True
     assert hand.bus.timeout == 0.7
     assert len(link.sent) == 1
 
 
 def test_probe_of_nobody_asks_twice() -> None:
     hand = hand_on(link := ScriptedLink(baud=None), timeout=0.2)
-    assert procedures.probe(hand.bus, 2) is False
+    assert id_baud_save_reset.probe(hand.bus, 2) is False
     assert [hexed(request) for request in link.sent] == [PROBE_2, PROBE_2]
     assert hand.bus.timeout == 0.2
     assert link.now() == pytest.approx(0.4)
@@ -57,27 +57,27 @@ def test_probe_of_nobody_asks_twice() -> None:
 def test_probe_keeps_the_timeout_after_garbage_too() -> None:
     hand = hand_on(ScriptedLink(lambda request: [(0.0, b"\x55")]), timeout=0.7)
     with pytest.raises(ProtocolError):
-        procedures.probe(hand.bus, 2)
+        id_baud_save_reset.probe(hand.bus, 2)
     assert hand.bus.timeout == 0.7
 
 
 def test_speed_is_found_and_the_port_left_there() -> None:
     hand, link = fake_hand("baud=19200")
-    assert procedures.find_speed(hand.bus) == 19200
+    assert id_baud_save_reset.find_speed(hand.bus) == 19200
     assert link.baud == 19200
     assert changing(link.sent) == []
 
 
 def test_speed_not_found_leaves_the_port_as_it_was() -> None:
     hand, link = fake_hand("fault=deaf")
-    assert procedures.find_speed(hand.bus) is None
+    assert id_baud_save_reset.find_speed(hand.bus) is None
     assert link.baud == 115200
 
 
 @pytest.mark.parametrize("fault", ["", "&fault=noise", "&fault=garble"])
 def test_silence_at_a_wrong_speed_is_explained(fault: str) -> None:
     hand, link = fake_hand(f"baud=57600{fault}")
-    better = procedures.explain_silence(hand, NoAnswer("silent"))
+    better = id_baud_save_reset.explain_silence(hand, NoAnswer("silent"))
     assert (better.exit_code, better.code) == (5, "wrong-speed")
     assert "57600" in better.text
     assert "--baud 57600" in better.hint
@@ -87,7 +87,7 @@ def test_silence_at_a_wrong_speed_is_explained(fault: str) -> None:
 def test_silence_at_every_speed_stays_silence() -> None:
     hand, _ = fake_hand("fault=deaf")
     error = NoAnswer("silent")
-    assert procedures.explain_silence(hand, error) is error
+    assert id_baud_save_reset.explain_silence(hand, error) is error
 
 
 # -- id ---------------------------------------------------------------------------------------------------------------
@@ -96,7 +96,7 @@ def test_silence_at_every_speed_stays_silence() -> None:
 @pytest.mark.parametrize("ack", ["new", "old"])
 def test_id_change_follows_the_hand(ack: str) -> None:
     hand, link = fake_hand(f"ack-id={ack}")
-    table = procedures.change_id(hand, 2)
+    table = id_baud_save_reset.change_id(hand, 2)
     assert values(table) == [2]
     assert table.rows[0]["before"] == 1
     assert hand.bus.id == 2
@@ -107,7 +107,7 @@ def test_id_change_follows_the_hand(ack: str) -> None:
 
 def test_new_id_is_probed_before_anything_is_written() -> None:
     hand, link = fake_hand()
-    procedures.change_id(hand, 2)
+    id_baud_save_reset.change_id(hand, 2)
     sent = [hexed(request) for request in link.sent]
     assert PROBE_2 in sent[: sent.index(ID_2)]
 
@@ -116,7 +116,7 @@ def test_taken_id_is_refused_before_writing() -> None:
     link = ScriptedLink(script((PROBE_1, [HERE_1]), (PROBE_2, [HERE_2]), free=True))
     hand = hand_on(link)
     with pytest.raises(CheckFailed) as caught:
-        procedures.change_id(hand, 2)
+        id_baud_save_reset.change_id(hand, 2)
     assert (caught.value.exit_code, caught.value.code) == (7, "id-taken")
     assert changing(link.sent) == []
     assert hand.bus.id == 1
@@ -124,14 +124,14 @@ def test_taken_id_is_refused_before_writing() -> None:
 
 def test_same_id_writes_nothing() -> None:
     hand, link = fake_hand()
-    assert values(procedures.change_id(hand, 1)) == [1]
+    assert values(id_baud_save_reset.change_id(hand, 1)) == [1]
     assert changing(link.sent) == []
     assert codes(hand) == ["already"]
 
 
 def test_hand_that_already_has_the_id_is_found() -> None:
     hand, link = fake_hand("id=2")
-    assert values(procedures.change_id(hand, 2)) == [2]
+    assert values(id_baud_save_reset.change_id(hand, 2)) == [2]
     assert hand.bus.id == 2
     assert changing(link.sent) == []
     assert codes(hand) == ["already"]
@@ -140,7 +140,7 @@ def test_hand_that_already_has_the_id_is_found() -> None:
 def test_nobody_there_writes_nothing() -> None:
     hand, link = fake_hand("fault=deaf")
     with pytest.raises(NoAnswer):
-        procedures.change_id(hand, 2)
+        id_baud_save_reset.change_id(hand, 2)
     assert changing(link.sent) == []
 
 
@@ -158,7 +158,7 @@ def test_lost_ack_of_an_id_change_is_cleared_up_by_probing() -> None:
         return [(0.0, unhex(reply))] if wanted == state["id"] else []
 
     hand = hand_on(link := ScriptedLink(answer))
-    assert values(procedures.change_id(hand, 2)) == [2]
+    assert values(id_baud_save_reset.change_id(hand, 2)) == [2]
     assert changing(link.sent) == [ID_2]
     assert codes(hand) == ["ack-lost", "volatile"]
 
@@ -167,7 +167,7 @@ def test_lost_id_change_is_told_and_not_repeated() -> None:
     link = ScriptedLink(script((PROBE_1, [HERE_1]), free=True))
     hand = hand_on(link)
     with pytest.raises(CheckFailed) as caught:
-        procedures.change_id(hand, 2)
+        id_baud_save_reset.change_id(hand, 2)
     assert caught.value.code == "read-back"
     assert "still responds to id 1" in caught.value.text
     assert changing(link.sent) == [ID_2]
@@ -180,7 +180,7 @@ def test_hand_gone_after_the_id_change() -> None:
 
     link = ScriptedLink(answer)
     with pytest.raises(NoAnswer) as caught:
-        procedures.change_id(hand_on(link), 2)
+        id_baud_save_reset.change_id(hand_on(link), 2)
     assert "scan" in caught.value.hint
     assert changing(link.sent) == [ID_2]
 
@@ -189,7 +189,7 @@ def test_an_interrupted_id_change_names_the_id_the_hand_may_have() -> None:
     hand, link = fake_hand("turnaround=0.1")
     link.interrupt_at = 0.75  # the new id was asked twice, the old one once
     with pytest.raises(HandctlError) as caught:
-        procedures.change_id(hand, 9)
+        id_baud_save_reset.change_id(hand, 9)
     assert caught.value.exit_code == 130
     assert "9" in caught.value.text
     assert "scan" in caught.value.hint
@@ -199,7 +199,7 @@ def test_an_interrupted_id_change_names_the_id_the_hand_may_have() -> None:
 def test_refused_id_change_is_a_refusal() -> None:
     hand, link = fake_hand("fault=refuse")
     with pytest.raises(DeviceRefused):
-        procedures.change_id(hand, 2)
+        id_baud_save_reset.change_id(hand, 2)
     assert changing(link.sent) == [ID_2]
     assert hand.bus.id == 1
 
@@ -208,14 +208,14 @@ def test_register_that_contradicts_the_id_is_told() -> None:
     replies = {PROBE_2: HERE_2, READ_ID_2: "90 EB 02 04 11 E8 03 07 09"}
     hand = hand_on(ScriptedLink(lambda request: [(0.0, unhex(replies[hexed(request)]))] if request[2] == 2 else []))
     with pytest.raises(CheckFailed) as caught:
-        procedures.change_id(hand, 2)
+        id_baud_save_reset.change_id(hand, 2)
     assert "register 1000 reads 7" in caught.value.text
 
 
 def test_id_change_on_a_line_with_echo() -> None:
     """An echo is not a device (dossier 4.11): a free id stays free."""
     hand, link = fake_hand("fault=echo")
-    assert values(procedures.change_id(hand, 2)) == [2]
+    assert values(id_baud_save_reset.change_id(hand, 2)) == [2]
     assert changing(link.sent) == [ID_2]
 
 
@@ -223,7 +223,7 @@ def test_id_change_on_a_line_with_echo() -> None:
 @each_row("fault", ["", "fault=echo", "fault=noise", "fault=dribble"])
 def test_awkward_ids(new: int, fault: str) -> None:
     hand, _ = fake_hand(fault)
-    assert values(procedures.change_id(hand, new)) == [new]
+    assert values(id_baud_save_reset.change_id(hand, new)) == [new]
 
 
 # -- baud -------------------------------------------------------------------------------------------------------------
@@ -231,14 +231,14 @@ def test_awkward_ids(new: int, fault: str) -> None:
 
 def test_baud_is_written_read_back_and_the_port_stays() -> None:
     hand, link = fake_hand()
-    assert values(procedures.change_baud(hand, 57600)) == [1]
+    assert values(id_baud_save_reset.change_baud(hand, 57600)) == [1]
     assert link.baud == 115200
     assert changing(link.sent) == [BAUD_1]
 
 
 def test_same_baud_writes_nothing() -> None:
     hand, link = fake_hand()
-    assert values(procedures.change_baud(hand, 115200)) == [0]
+    assert values(id_baud_save_reset.change_baud(hand, 115200)) == [0]
     assert changing(link.sent) == []
 
 
@@ -259,7 +259,7 @@ def test_baud_that_did_not_take_names_both_addresses() -> None:
     """exo §2.3 has 1001, the RH56 has 1002: only 1001 is written, both are named."""
     hand, link = fake_hand("fault=baud-at-1002")
     with pytest.raises(CheckFailed) as caught:
-        procedures.change_baud(hand, 57600)
+        id_baud_save_reset.change_baud(hand, 57600)
     assert caught.value.exit_code == 7
     assert "1001" in caught.value.hint
     assert "1002" in caught.value.hint
@@ -268,17 +268,17 @@ def test_baud_that_did_not_take_names_both_addresses() -> None:
 
 def test_lost_ack_of_a_baud_change_is_read_back() -> None:
     hand, link = fake_hand("fault=silent&every=2")
-    assert values(procedures.change_baud(hand, 57600)) == [1]
+    assert values(id_baud_save_reset.change_baud(hand, 57600)) == [1]
     assert codes(hand) == ["ack-lost"]
     assert changing(link.sent) == [BAUD_1]
 
 
 def test_speed_acts_after_save_and_power_cycle() -> None:
     hand, link = fake_hand()
-    procedures.change_baud(hand, 57600)
-    procedures.save(hand, Prompts())
+    id_baud_save_reset.change_baud(hand, 57600)
+    id_baud_save_reset.save(hand, Prompts())
     prompts = NotedGuide()
-    assert procedures.wait_for_speed(hand, 57600, prompts) is True
+    assert id_baud_save_reset.wait_for_speed(hand, 57600, prompts) is True
     assert link.baud == 57600
     assert prompts.said == ["simulated: the simulator's power was switched off and on"]
     assert hexed(hand.bus.read(1001, 1)) == "01"
@@ -286,16 +286,16 @@ def test_speed_acts_after_save_and_power_cycle() -> None:
 
 def test_unsaved_speed_is_gone_after_the_power_cycle() -> None:
     hand, link = fake_hand()
-    procedures.change_baud(hand, 57600)
-    assert procedures.wait_for_speed(hand, 57600, Prompts(), seconds=5.0) is False
+    id_baud_save_reset.change_baud(hand, 57600)
+    assert id_baud_save_reset.wait_for_speed(hand, 57600, Prompts(), seconds=5.0) is False
     assert link.now() < 10.0
-    assert procedures.find_speed(hand.bus) == 115200
+    assert id_baud_save_reset.find_speed(hand.bus) == 115200
 
 
 def test_waiting_for_a_real_power_cycle_asks_for_it_and_is_bounded() -> None:
     prompts = NotedGuide()
     hand = hand_on(link := ScriptedLink(baud=115200))
-    assert procedures.wait_for_speed(hand, 57600, prompts) is False
+    assert id_baud_save_reset.wait_for_speed(hand, 57600, prompts) is False
     assert 120.0 <= link.now() < 125.0
     assert link.bauds == [57600]
     assert "power off and on now" in prompts.said[0]
@@ -307,18 +307,18 @@ def test_hand_that_comes_back_late_is_found() -> None:
         return [(0.0, reply_to(request, bytes(request[7])))] if link.now() > 20.0 else [(0.0, b"\xf8\x00")]
 
     link = ScriptedLink(answer, baud=115200)
-    assert procedures.wait_for_speed(hand_on(link), 57600, Prompts()) is True
+    assert id_baud_save_reset.wait_for_speed(hand_on(link), 57600, Prompts()) is True
     assert 20.0 < link.now() < 22.0
 
 
 # -- every fault ------------------------------------------------------------------------------------------------------
 
 PROCEDURES: dict[str, Callable[[ExoHand], object]] = {
-    "id": lambda hand: procedures.change_id(hand, 2),
-    "baud": lambda hand: procedures.change_baud(hand, 57600),
-    "clear-errors": procedures.clear_errors,
-    "save": lambda hand: procedures.save(hand, Prompts()),
-    "factory-reset": procedures.factory_reset,
+    "id": lambda hand: id_baud_save_reset.change_id(hand, 2),
+    "baud": lambda hand: id_baud_save_reset.change_baud(hand, 57600),
+    "clear-errors": id_baud_save_reset.clear_errors,
+    "save": lambda hand: id_baud_save_reset.save(hand, Prompts()),
+    "factory-reset": id_baud_save_reset.factory_reset,
     "calibrate": lambda hand: motion.calibrate(hand, Prompts()),
     "position": lambda hand: motion.move(hand, dict(enumerate((500, 400, 300, 200, 100))), Prompts(), wait=3.0),
     "force": lambda hand: hand.command("force", [0] * 5),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from handctl.devices.inspire.id_and_baud_search import TURNAROUND
 from handctl.devices.inspire.scan import parse_ids
-from handctl.devices.inspire.scan_wire import TURNAROUND
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.model.scan_task import ScanTask
 from tests.inspire.scanning import ALL_IDS, scan_hand, scan_on

@@ -11,10 +11,10 @@ import pytest
 
 from handctl.cli import main
 from handctl.command.get_set_watch import select
-from handctl.devices.inspire import procedures, raw
+from handctl.devices.inspire import id_baud_save_reset, raw
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.register_map import EXO
 from handctl.errors import HandctlError, UsageError
 from handctl.link.transcript import Entry, parse
 from handctl.model.prompts import Prompts
@@ -122,19 +122,19 @@ def act(hand: ExoHand, words: list[str]) -> Table | str:
         case ["read", address, count]:
             return hexed(hand.bus.read(int(address), int(count)))
         case ["probe", device_id]:
-            return str(procedures.probe(hand.bus, int(device_id)))
+            return str(id_baud_save_reset.probe(hand.bus, int(device_id)))
         case ["set", *assignments]:
             return hand.table(hand.write(EXO.assignments(assignments)))
         case ["id", new]:
-            return procedures.change_id(hand, int(new))
+            return id_baud_save_reset.change_id(hand, int(new))
         case ["baud", rate]:
-            return procedures.change_baud(hand, int(rate))
+            return id_baud_save_reset.change_baud(hand, int(rate))
         case ["clear-errors"]:
-            return procedures.clear_errors(hand)
+            return id_baud_save_reset.clear_errors(hand)
         case ["save"]:
-            return procedures.save(hand, prompts)
+            return id_baud_save_reset.save(hand, prompts)
         case ["factory-reset"]:
-            return procedures.factory_reset(hand)
+            return id_baud_save_reset.factory_reset(hand)
         case ["calibrate"]:
             return motion.calibrate(hand, prompts)
         case ["force" | "position", *values]:

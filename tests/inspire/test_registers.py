@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.map import BAUD_RATES, ERROR_BITS, EXO, FINGERS, OVER_TEMPERATURE, register_of
+from handctl.devices.inspire.register_map import BAUD_RATES, ERROR_BITS, EXO, FINGERS, OVER_TEMPERATURE, register_of
 from tests.support.scripted import hexed, unhex
 
 FIVE = ("little", "ring", "middle", "index", "thumb")

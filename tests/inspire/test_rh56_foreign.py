@@ -11,8 +11,8 @@ from contextlib import contextmanager
 
 import pytest
 
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.link import ByteLink, open_link
 from handctl.model.param import elements_of

@@ -10,8 +10,9 @@ import pytest
 
 from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.hand import motion
-from handctl.devices.inspire.hand.generation import look
-from handctl.devices.inspire.hand.map import BYTE_MAP, DF, DG2, F1, MAPS, TP
+from handctl.devices.inspire.hand.detect_generation import detect
+from handctl.devices.inspire.hand.generations import DF, DG2, F1, TP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, MAPS
 from handctl.devices.inspire.hand.tactile import ZONES, chosen, tactile
 from handctl.devices.inspire.register_device import encoded
 from handctl.devices.inspire.serial_bus import SerialBus
@@ -293,7 +294,7 @@ class Hurried(SerialBus):
 def test_a_busy_computer_takes_no_late_answer_for_silence(model: str) -> None:
     link = open_link(f"fake://hand?model={model}&clock=virtual")
     assert isinstance(link, ByteLink)
-    assert look(Hurried(link, 1, Journal())).model == model
+    assert detect(Hurried(link, 1, Journal())).model == model
 
 
 @pytest.mark.parametrize("model", ["df", "tp", "f1", "dg2"])

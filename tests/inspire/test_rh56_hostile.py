@@ -12,9 +12,9 @@ import pytest
 
 from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.hand import motion
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import ModelGate
-from handctl.devices.inspire.hand.map import BYTE_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.serial_bus import SerialBus
@@ -209,7 +209,7 @@ def test_the_answer_of_another_id_is_not_taken(wire: str) -> None:
 
 @pytest.mark.parametrize("wire", [EB90, RTU, CAN])
 def test_a_hand_that_answers_for_two_ids_is_read_by_each_and_refused_as_a_free_id(wire: str) -> None:
-    from handctl.devices.inspire.procedures import change_id
+    from handctl.devices.inspire.id_baud_save_reset import change_id
     from handctl.errors import CheckFailed
 
     odd = Odd(wire, golden("df"), ids=(1, 2))

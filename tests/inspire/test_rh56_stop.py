@@ -9,7 +9,7 @@ import pytest
 
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, Stopped, StopSequence, exchange_steps
 from tests.inspire.wrist_support import ScriptedFrames
 from tests.support.each_row import each_row

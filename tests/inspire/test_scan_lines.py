@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import pytest
 
-from handctl.devices.inspire import procedures
+from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.scan_wire import TURNAROUND
+from handctl.devices.inspire.id_and_baud_search import TURNAROUND
 from handctl.errors import CheckFailed
 from handctl.families import FAMILIES
 from handctl.link import open_link
@@ -169,18 +169,18 @@ def test_the_id_is_changed_while_a_logger_asks_another_hand(tmp_path: Path) -> N
     logger: dict[str, str | int | float | bool] = {"ask": "EB 90 03 04 11 E8 03 01 04", "every_ms": 50}
     path.write_text(text("half-duplex", [{"kind": "exo", "id": 1}, {"kind": "exo", "id": 3}], [logger]))
     hand = hand_behind(path)
-    assert [row["value"] for row in procedures.change_id(hand, 9).rows] == [9]
+    assert [row["value"] for row in id_baud_save_reset.change_id(hand, 9).rows] == [9]
     assert "others" in codes(hand)
     with pytest.raises(CheckFailed, match="taken"):
-        procedures.change_id(hand, 3)
+        id_baud_save_reset.change_id(hand, 3)
 
 
 def test_the_id_is_changed_on_a_line_of_1200_ms_and_only_to_a_free_one(tmp_path: Path) -> None:
     path = tmp_path / "bus.toml"
     path.write_text(text("clean", [{"kind": "exo", "id": 1}, {"kind": "exo", "id": 3}], latency_ms=1200))
     with pytest.raises(CheckFailed, match="taken"):
-        procedures.change_id(hand_behind(path), 3)
-    assert [row["value"] for row in procedures.change_id(hand_behind(path), 5).rows] == [5]
+        id_baud_save_reset.change_id(hand_behind(path), 3)
+    assert [row["value"] for row in id_baud_save_reset.change_id(hand_behind(path), 5).rows] == [5]
 
 
 def test_late_answers_are_not_taken_for_another_speed(tmp_path: Path) -> None:

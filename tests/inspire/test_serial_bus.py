@@ -8,7 +8,7 @@ from handctl.devices.inspire.register_bus import question
 from handctl.devices.inspire.serial_bus import HINTS, SerialBus, bad_reply
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.result import Journal
-from handctl.sim.engine import line
+from handctl.sim.engine import line_and_faults
 from tests.support.each_row import each_row
 from tests.support.scripted import Babble, Reply, ScriptedLink, changing, fake_hand, hand_on, hexed, script, unhex
 
@@ -239,7 +239,7 @@ def test_a_command_goes_out_once_whatever_comes_back(fault: str) -> None:
     assert [hexed(request) for request in link.sent] == ["EB 90 01 0B 32 F4 01 90 01 2C 01 C8 00 64 00 1D"]
 
 
-LINE_FAULTS = sorted(line.LINE_FAULTS)
+LINE_FAULTS = sorted(line_and_faults.LINE_FAULTS)
 
 
 @each_row("fault", LINE_FAULTS)

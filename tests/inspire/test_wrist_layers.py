@@ -16,7 +16,7 @@ def test_a_wrist_from_the_simulator_loads_neither_python_can_nor_pyserial(wire: 
     assert code == 0
     assert heavy(modules) == set()
     assert "socket" not in modules
-    assert ("handctl.sim.engine.can" in modules) == (wire == "--can")
+    assert ("handctl.sim.engine.can_line" in modules) == (wire == "--can")
     assert ("handctl.devices.inspire.can_bus" in modules) == (wire == "--can")
     assert "handctl.link.can" not in modules
     assert not {"handctl.sim.engine.slcan", "handctl.sim.engine.serve", "handctl.sim.exo.device"} & modules

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.inspire.map import WRIST
+from handctl.devices.inspire.register_map import WRIST
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, UsageError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.inspire.wrist_support import WIRES, RecordedFrames, Wrist, can, fake_port, fake_wrist, writes_of
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row

@@ -280,7 +280,7 @@ def test_lists_of_ids(text: str, ids: list[int]) -> None:
 def test_4096_ids_at_the_most() -> None:
     """All 16383 would only be traffic for the others on the bus."""
     assert parse_ids("1-4096", "can") == list(range(1, 4097))
-    assert target.MOST == 4096
+    assert target.MOST_CAN_IDS == 4096
     for text in ("1-4097", "0-16383"):
         with pytest.raises(UsageError) as caught:
             parse_ids(text, "can")

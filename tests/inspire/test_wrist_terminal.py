@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from handctl.sim.engine.can import CanLine
+from handctl.sim.engine.can_line import CanLine
 from tests.inspire.wrist_commands import LIVE, POWER_ON, WIRES, written_frames
 from tests.inspire.wrist_support import fake_port
 from tests.support.cli import Simulator, clean_environment, run, s16, start, wait_until

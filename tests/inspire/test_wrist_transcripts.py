@@ -12,7 +12,7 @@ import pytest
 
 from handctl.cli import main
 from handctl.command.get_set_watch import select
-from handctl.devices.inspire.map import WRIST
+from handctl.devices.inspire.register_map import WRIST
 from handctl.devices.inspire.wrist import raw
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.errors import HandctlError, UsageError

@@ -12,9 +12,9 @@ from typing import Any
 import pytest
 
 from handctl.command import get_set_watch, snapshots
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
+from handctl.link.device_lock import hold
 from handctl.link.fake import FakeLink
-from handctl.link.lock import hold
 from handctl.model.param import Element
 from tests.inspire.exo_commands import prepare
 from tests.support.cli import PATIENCE, fake, run, spying, writes

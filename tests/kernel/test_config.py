@@ -16,7 +16,7 @@ from handctl.command.config_edit import change, drop, put, put_all, verified
 from handctl.command.options import own_options, shared_options
 from handctl.errors import OutputError, UsageError
 from handctl.families import WIRES
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 from tests.support.each_row import each_row
 
 CHECKS = key_checks()

@@ -7,7 +7,8 @@ import pytest
 from handctl.errors import Aftermath, CheckFailed, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
 from handctl.model.result import Counters
-from handctl.model.stop_sequence import NOT_STOPPED, Stopped, on_early_end, stopped_by_ctrl_c
+from handctl.model.stop_on_interrupt import NOT_STOPPED, on_early_end, stopped_by_ctrl_c
+from handctl.model.stop_sequence import Stopped
 
 LEFT = Aftermath("the hand goes on", "let it finish")
 

@@ -13,9 +13,10 @@ from typing import Any
 
 import pytest
 
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from handctl.link import NoLink, open_link
+from handctl.model.command_settings import Settings
 from handctl.model.param import (
     COMMAND,
     KINDS,
@@ -30,7 +31,6 @@ from handctl.model.param import (
     elements_of,
 )
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
 from tests.support.cli import fake, memory, pairs, run, s16, spying, writes
 from tests.support.each_row import each_row
 from tests.support.places import GUIDES

@@ -29,7 +29,7 @@ from tests.support.loading import back_ends, heavy, loaded, ours
 ROOT = Path(handctl.__file__).parent
 GROUND = ("", "number_parsing", "errors", "families", "files", "interrupts", "fast_classes", "wording", "system.*")
 """What any room may import: they know nothing of handctl, or each other at most."""
-PURE = ("errors", "fast_classes", "model.decoder", "model.param", "@.pure")
+PURE = ("errors", "fast_classes", "model.frame_decoder", "model.param", "@.pure")
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
     # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
@@ -40,15 +40,25 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("interrupts", ("system.*",)),
     ("files", ("errors", "system.*")),
     ("wording", ("errors", "families")),
-    ("cli", (*GROUND, "command.command_tree", "command.several_devices", "lazy_stdlib", "screen.sanitize")),
+    (
+        "cli",
+        (
+            *GROUND,
+            "command.command_tree",
+            "command.exit_codes",
+            "command.several_devices",
+            "lazy_stdlib",
+            "screen.sanitize",
+        ),
+    ),
     ("__main__", ("cli",)),
     ("model.device", (*GROUND, "link.deadman", "model.*")),
     ("model.sampling", (*GROUND, "link", "model.*")),
     ("model.stop_sequence", (*GROUND, "link", "model.*")),
     ("model*", (*GROUND, "model.*")),
-    ("link.fake", ("number_parsing", "errors", "link.base", "link.twin", "sim", "system.*")),
+    ("link.fake", ("number_parsing", "errors", "link.link_interface", "link.twin_values", "sim", "system.*")),
     ("link*", (*GROUND, "link*")),
-    ("screen*", (*GROUND, "model.limits", "model.settings", "model.result", "model.param", "screen.*")),
+    ("screen*", (*GROUND, "model.reading_limits", "model.command_settings", "model.result", "model.param", "screen.*")),
     (
         "stop*",
         (
@@ -76,8 +86,8 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "screen.*",
             "stop.*",
             "tools.doctor",
-            "tools.listen",
-            "tools.terminal",
+            "tools.listen_command",
+            "tools.terminal_command",
         ),
     ),
     ("charts*", (*GROUND, "model.*", "charts.*")),
@@ -87,7 +97,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             *GROUND,
             "charts.*",
             "command.*",
-            "link.base",
+            "link.link_interface",
             "link.transcript",
             "model.*",
             "report.*",
@@ -95,9 +105,9 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "tools.port_inventory",
         ),
     ),
-    ("api", (*GROUND, "command.*", "model.result", "model.settings")),
+    ("api", (*GROUND, "command.*", "model.result", "model.command_settings")),
     ("hands", ("api", "families", "command.library_call", "model.result")),
-    ("docgen.library", ("api", "families")),
+    ("docgen.library_stub", ("api", "families")),
     (
         "docgen*",
         (
@@ -119,7 +129,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("devices.*cli", (*GROUND, "command.*", "link", "model.*", "record.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "record.*", "@")),
     ("tools.completion_install", (*GROUND, "docgen*", "command.*", "model.*")),
-    ("tools.sim", ("families", "link.fake", "link.twin", "sim.cli")),
+    ("tools.sim", ("families", "link.fake", "link.twin_values", "sim.cli")),
     ("tools.help", (*GROUND, "docgen*", "command.*", "guides", "model.*")),
     (
         "tools.*",
@@ -129,7 +139,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "command.*",
             "link*",
             "model.*",
-            "record.recording",
+            "record.csv_and_sidecar",
             "charts*",
             "report*",
             "screen.*",
@@ -146,7 +156,16 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("rich", ("screen.*",)),
     (
         "click",
-        ("cli", "api", "command.*", "devices.*cli", "tools.*", "sim.cli", "docgen.tree", "docgen.library"),
+        (
+            "cli",
+            "api",
+            "command.*",
+            "devices.*cli",
+            "tools.*",
+            "sim.cli",
+            "docgen.read_command_tree",
+            "docgen.library_stub",
+        ),
     ),
     ("crcmod", ("devices.*",)),
     ("bincopy", ("devices.barrett.*",)),
@@ -155,8 +174,8 @@ OUTSIDE: list[tuple[str, tuple[str, ...]]] = [
     ("mcap", ("record.exports.mcap",)),
     ("zstandard", ("record.exports.mcap",)),  # it comes with mcap
     ("packaging", ("build_zipapp",)),
-    ("tomllib", ("command.config", "sim.bus.file")),
-    ("tomli", ("command.config", "sim.bus.file")),
+    ("tomllib", ("command.config", "sim.bus.bus_file")),
+    ("tomli", ("command.config", "sim.bus.bus_file")),
     ("socket", ("link.tcp", "record.marks", "sim.*", "system.*", "tools.port_inventory")),
     ("_socket", ("system.local_socket",)),
 ]
@@ -256,7 +275,7 @@ def fits(found: Import, pattern: str) -> bool:
 
 def sans_io(module: str) -> bool:
     """A map, or a module that says so of itself."""
-    if module.rpartition(".")[2] == "map":
+    if module.rpartition(".")[2] in ("parameter_map", "register_map"):
         return True
     if module not in MODULES or "sans i/o" not in MODULES[module].read_text(encoding="utf-8").lower():
         return False
@@ -284,7 +303,7 @@ def test_the_walk_sees_the_house() -> None:
         "link.serial",
         "devices.inspire.eb90",
         "sim",
-        "sim.engine.line",
+        "sim.engine.line_and_faults",
     } <= MODULES.keys()
     assert Import("devices.inspire.eb90", "errors", False) in internal()
     assert Import("model.result", "errors", True) in internal()
@@ -303,7 +322,7 @@ def test_every_family_has_a_codec_and_a_map() -> None:
     homes = {family_of(f"{row.package}.cli".removeprefix("handctl.")) for row in FAMILIES.values()}
     for home in homes:
         pure = {module.rpartition(".")[2] for module in SANS_IO if family_of(module) == home}
-        assert "map" in pure and len(pure) > 1, home
+        assert pure & {"parameter_map", "register_map"} and len(pure) > 1, home
 
 
 def circles(imports: list[Import]) -> list[str]:
@@ -328,7 +347,7 @@ def test_nobody_imports_round_about() -> None:
 def test_a_rule_can_be_broken() -> None:
     """The rules refuse what they should."""
     for module, target in [
-        ("devices.inspire.eb90", "link"), ("devices.inspire.map", "devices.inspire.serial_bus"), ("errors", "model.result"),
+        ("devices.inspire.eb90", "link"), ("devices.inspire.register_map", "devices.inspire.serial_bus"), ("errors", "model.result"),
         ("devices.inspire.serial_bus", "command.command_tree"), ("devices.inspire.exo.device", "devices.barrett.device"), ("link", "sim"),
         ("link.fake", "sim.barrett.device"), ("model.param", "command.run"), ("sim.ekso.device", "devices.ekso.frames"),
         ("command.get_set_watch", "devices.inspire.exo.device"), ("tools.scan", "devices.inspire.exo.scan"),
@@ -446,8 +465,8 @@ def test_simulators_use_the_standard_library_only() -> None:
             first = found.target.split(".")[0]
             exception = (found.module, first) in (
                 ("sim.cli", "click"),
-                ("sim.bus.file", "tomllib"),
-                ("sim.bus.file", "tomli"),
+                ("sim.bus.bus_file", "tomllib"),
+                ("sim.bus.bus_file", "tomli"),
             )
             assert first in sys.stdlib_module_names or first == "handctl" or exception
 
@@ -526,7 +545,7 @@ def asks_for_the_system(tree: ast.AST, nodes: Iterable[ast.AST]) -> list[str]:
 def test_only_one_room_knows_which_system_it_is() -> None:
     asking = {module for module in MODULES if asks_for_the_system(tree_of(module), syntax.nodes_of(MODULES[module]))}
     assert {module for module in asking if module.split(".")[0] != "system"} == {"build_zipapp"} & asking
-    assert {"system.clock", "system.locks", "system.ports", "system.signals"} <= asking
+    assert {"system.clock", "system.file_locks", "system.serial_ports", "system.signals"} <= asking
 
 
 @pytest.mark.parametrize(
@@ -667,9 +686,9 @@ def test_no_test_is_imported() -> None:
 
 KERNEL = {"", "command", "link", "model", "record", "stop"}
 CIRCLES = {
-    "screen.live", "screen.render", "devices.barrett.gcl.session_start", "devices.inspire.identity", "devices.inspire.twins",
-    "devices.ekso.status", "devices.barrett.realtime.rows",
-    "devices.inspire.hand.device", "devices.inspire.procedures",
+    "screen.live_view", "screen.render", "devices.barrett.gcl.session_start", "devices.inspire.identity", "devices.inspire.duplicate_id",
+    "devices.ekso.status", "devices.barrett.realtime.loop_rows",
+    "devices.inspire.hand.device", "devices.inspire.id_baud_save_reset",
 }  # fmt: skip
 """Without these no modules import each other, for types or otherwise. Only names may go from here."""
 

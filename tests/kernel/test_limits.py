@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.inspire.map import EXO
+from handctl.devices.inspire.register_map import EXO
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.model.limits import Bound, Watchdog, bound_in
+from handctl.model.reading_limits import Bound, Watchdog, bound_in
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.screen import screen

@@ -9,8 +9,8 @@ import re
 
 import pytest
 
-from handctl.devices.inspire import map as books
-from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.inspire import register_map as books
+from handctl.devices.inspire.register_map import EXO, WRIST, Register
 from handctl.model.param import ParamMap
 from handctl.sim import create, kinds
 from tests.support.each_row import each_row

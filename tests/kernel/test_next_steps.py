@@ -12,10 +12,10 @@ from pathlib import Path
 import click
 
 import handctl
-from handctl.command.batch_and_shell import line
+from handctl.command.command_lines import parse_line
 from handctl.errors import Aftermath, HandctlError, Hint, NoAnswer, command_of, joined
 from handctl.families import FAMILIES
-from handctl.model.checks import FAIL, Check
+from handctl.model.check_rows import FAIL, Check
 from handctl.model.device_picture import remedies_of
 from handctl.model.result import Message
 from handctl.wording import sentence
@@ -72,7 +72,7 @@ def runs(command: str) -> bool:
     if PLACE.search(command):
         return False
     try:
-        line(words, {})
+        parse_line(words, {})
     except click.exceptions.Exit:  # -h
         return True
     except HandctlError:

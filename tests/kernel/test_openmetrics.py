@@ -14,7 +14,7 @@ from unittest import mock
 import pytest
 
 from handctl import files
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.errors import HandctlError, Interrupted, NoAnswer, NotConfirmed, UsageError
 from handctl.families import FAMILIES
 from handctl.model.param import BASES, scale_of

@@ -16,8 +16,8 @@ from types import SimpleNamespace
 import pytest
 
 from handctl.errors import OutputError
+from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Sample, Table
-from handctl.model.settings import Settings
 from handctl.screen.render import Sink, stream
 from tests.support.cli import (
     FINGERS,
@@ -171,7 +171,7 @@ def test_quiet_leaves_errors_only() -> None:
 
 def test_colours_are_codes_where_there_is_no_console(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr("rich.console.detect_legacy_windows", lambda: True)  # on Windows without a console
-    from handctl.screen.tables import console_on
+    from handctl.screen.terminal_tables import console_on
 
     with Sink(Settings(kind="exo", color="always", output=str(tmp_path / "out.txt"))) as sink:
         assert not console_on(sink.file, sink.color).legacy_windows

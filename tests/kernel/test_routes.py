@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import pytest
 
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.model.param import Element, Param, elements_of
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -39,7 +39,7 @@ class Route(NamedTuple):
 
 def inspire(kind: str, flag: int, element: Element, value: float) -> Iterator[Route]:
     """`write` and `raw` of a register, put together by hand."""
-    from handctl.devices.inspire.map import register_of
+    from handctl.devices.inspire.register_map import register_of
 
     register = register_of(element)
     address, data = register.address_of(element.index), register.encode(value)

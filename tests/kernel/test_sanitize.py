@@ -16,8 +16,8 @@ from typing import Any
 
 import pytest
 
+from handctl.model.command_settings import Settings
 from handctl.model.result import Cell, Column, Counters, Grid, Sample, Table
-from handctl.model.settings import Settings
 from handctl.screen import render
 from handctl.screen.render import Sink, show, stream
 from handctl.screen.sanitize import no_formula, shown, text_shown, value_shown

@@ -13,11 +13,11 @@ from itertools import pairwise
 import pytest
 
 from handctl.families import FAMILIES
+from handctl.model.command_settings import Settings
 from handctl.model.device_picture import Remedy, highest_of
-from handctl.model.limits import Bound
+from handctl.model.reading_limits import Bound
 from handctl.model.result import Journal, Sample, Table
-from handctl.model.settings import Settings
-from handctl.screen import live
+from handctl.screen import live_view
 from tests.contract.facts import facts_of
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -238,16 +238,16 @@ def test_live_view_in_a_low_window_keeps_the_errors() -> None:
 
 
 def test_a_bar_reaches_to_a_lowest_or_highest_value_of_zero() -> None:
-    series = live.Series({"name": "x"}, (5.0, 9.0), 0)
+    series = live_view.Series({"name": "x"}, (5.0, 9.0), 0)
     series.add({"name": "x", "value": 0}, 0.0)
     assert series.scale() == (0.0, 9.0)
-    below = live.Series({"name": "x"}, (-9.0, -5.0), 0)
+    below = live_view.Series({"name": "x"}, (-9.0, -5.0), 0)
     below.add({"name": "x", "value": 0}, 0.0)
     assert below.scale() == (-9.0, 0.0)
 
 
 def test_a_whole_number_of_any_length_is_whole() -> None:
-    series = live.Series({"name": "uptime", "value": 7345678, "unit": "s"}, None, 0)
+    series = live_view.Series({"name": "uptime", "value": 7345678, "unit": "s"}, None, 0)
     assert [series.text(value) for value in (7345678, 4294967295, 0.35, -0.0001, None)] == [
         "7345678", "4294967295", "0.35", "-0.0001", "?",
     ]  # fmt: skip
@@ -268,7 +268,7 @@ class Context:
 
 @pytest.mark.parametrize("width", [40, 69, 70, 75, 80, 100])
 def test_long_numbers_take_the_room_of_the_bar(width: int) -> None:
-    view = live.View(Table(ranges={"odometer": (0.0, 2.0**32)}), Context())  # type: ignore[arg-type]
+    view = live_view.View(Table(ranges={"odometer": (0.0, 2.0**32)}), Context())  # type: ignore[arg-type]
     for value in (1234567890, 4294967295):
         view.add(Sample(0.0, ({"name": "odometer", "motor": "SPREAD", "unit": "1000 cts", "value": value},)))
     lines = [line.plain for line in view._body(width, 20)]
@@ -279,7 +279,7 @@ def test_long_numbers_take_the_room_of_the_bar(width: int) -> None:
 
 
 def test_a_label_without_a_unit_replaces_the_number_and_ok_is_told() -> None:
-    view = live.View(Table(), Context())  # type: ignore[arg-type]
+    view = live_view.View(Table(), Context())  # type: ignore[arg-type]
     rows = (
         {"name": "mode", "motor": "F1", "value": 0, "label": "ok"},
         {"name": "mode", "motor": "F2", "value": 3, "label": "lost"},
@@ -293,7 +293,7 @@ def test_the_most_urgent_error_is_named_with_its_remedy() -> None:
         flags=frozenset({"error"}),
         remedies={word: Remedy(f"it is {word}", f"mend {word}", "§1") for word in ("hot", "stuck")},
     )
-    view = live.View(table, Context())  # type: ignore[arg-type]
+    view = live_view.View(table, Context())  # type: ignore[arg-type]
     said = {"little": ["stuck"], "ring": ["hot", "stuck"], "index": ["hot"]}
     view.add(
         Sample(
@@ -309,7 +309,7 @@ def test_the_most_urgent_error_is_named_with_its_remedy() -> None:
 
 def test_a_failed_read_is_seen() -> None:
     rows = ({"name": "current", "finger": "ring", "unit": "mA", "error": "no answer from id 1; more"},)
-    view = live.View(Table(ranges={"current": (0.0, 1000.0)}), Context())  # type: ignore[arg-type]
+    view = live_view.View(Table(ranges={"current": (0.0, 1000.0)}), Context())  # type: ignore[arg-type]
     view.add(Sample(0.0, rows))
     assert [line.plain for line in view._footer(12)] == ["no answer", "from id 1", "Ctrl-C ends"]
     assert [line.plain.split() for line in view._body(40, 20)] == [["current", "[mA]"], ["ring", "▕", "▏", "?"]]
@@ -361,13 +361,13 @@ def test_a_map_is_a_table_at_80_columns_with_its_prose_below(kind: str) -> None:
     [(0, "     │     "), (-40, "     │     "), (40, "     │     "), (100, "     │█    "), (-1000, "█████│     "), (1000, "     │█████")],
 )  # fmt: skip
 def test_a_bar_has_its_zero_line_and_is_the_same_on_both_sides(value: float, drawn: str) -> None:
-    assert live.bar(value, -1000, 1000, 11) == drawn
+    assert live_view.bar(value, -1000, 1000, 11) == drawn
 
 
 def test_a_course_of_several_lines() -> None:
     history = [(float(second), float(second)) for second in range(4)]
-    assert live.chart(history, 3.0, 4.0, 4, 2) == ["  ▃█", "▁▆██"]
-    assert live.chart([(0.0, 5.0)], 3.0, 4.0, 4, 2) == ["    ", "▁   "]
+    assert live_view.chart(history, 3.0, 4.0, 4, 2) == ["  ▃█", "▁▆██"]
+    assert live_view.chart([(0.0, 5.0)], 3.0, 4.0, 4, 2) == ["    ", "▁   "]
 
 
 @each_row(
@@ -396,7 +396,7 @@ def test_a_column_per_finger_has_its_course_in_a_wide_window() -> None:
 )
 def test_a_documented_highest_value_colours_unless_a_limit_was_set(value: int, bound: float | None, state: int) -> None:
     bounds = () if bound is None else (Bound("temperature", frozenset({"temperature.ring"}), None, bound),)
-    view = live.View(Table(highest={"temperature.ring": 70.0}, bounds=bounds), Context())  # type: ignore[arg-type]
+    view = live_view.View(Table(highest={"temperature.ring": 70.0}, bounds=bounds), Context())  # type: ignore[arg-type]
     view.add(Sample(0.0, ({"name": "temperature", "finger": "ring", "path": "temperature.ring", "value": value},)))
     assert [one.state for one in view._series.values()] == [state]
 
@@ -407,7 +407,7 @@ def test_highest_values_are_those_by_which_the_picture_is_coloured() -> None:
 
 
 def test_only_a_documented_range_can_be_left() -> None:
-    view = live.View(Table(ranges={"a": (0.0, 5.0)}, scales={"b": (0.0, 0.0)}), Context())  # type: ignore[arg-type]
+    view = live_view.View(Table(ranges={"a": (0.0, 5.0)}, scales={"b": (0.0, 0.0)}), Context())  # type: ignore[arg-type]
     view.add(Sample(0.0, ({"name": "a", "value": 7}, {"name": "b", "value": 7})))
     assert [one.state for one in view._series.values()] == [1, 0]
     assert screen("ekso", "watch", "--count", "1", "-p", LINKS["ekso"], "--color", "always").data.count("[1;33m") == 0
@@ -416,7 +416,7 @@ def test_only_a_documented_range_can_be_left() -> None:
 def test_a_course_keeps_the_peaks_between_its_cells() -> None:
     """A walk whose period is that of the cells was a flat line."""
     history = [(tick / 10, 100.0 if tick % 10 == 4 else 0.0) for tick in range(40)]
-    assert live.spark(history, 3.9, 4.0, 4) == "████"
+    assert live_view.spark(history, 3.9, 4.0, 4) == "████"
 
 
 @each_row(
@@ -430,8 +430,8 @@ def test_a_course_keeps_the_peaks_between_its_cells() -> None:
 )
 def test_a_value_that_is_read_seldom_is_shown_until_the_next(moments: tuple[int, ...], drawn: str) -> None:
     history = [(float(t), float(t)) for t in moments]
-    assert live.spark(history, 7.0, 8.0, 8) == drawn
+    assert live_view.spark(history, 7.0, 8.0, 8) == drawn
 
 
 def test_counts_of_values_are_said_in_words() -> None:
-    assert set(live.SEEN) == {"bad", "missing", "skipped"}
+    assert set(live_view.SEEN) == {"bad", "missing", "skipped"}

@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from handctl.command.batch_and_shell import line
-from handctl.command.several_devices import Each, EveryAccess
+from handctl.command.command_lines import parse_line
+from handctl.command.several_devices import EachDevice, EveryAccess
 from handctl.errors import STOPPED
 from handctl.link import ByteLink, open_link
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.support.cli import Result, check_schema, environment, in_time, run
 from tests.support.each_row import each_row
 
@@ -197,7 +197,7 @@ def test_the_stop_key_stops_all_and_a_device_that_did_not_answer_decides(
         )
     )
     with environment({"HANDCTL_CONFIG": str(config)}):
-        every = [Each(name, line([LINKS[name][0], "watch", "-d", name], {})) for name in names]
+        every = [EachDevice(name, parse_line([LINKS[name][0], "watch", "-d", name], {})) for name in names]
         access = EveryAccess(every[0].run, lambda: every)
         access.stop("stopped by the key S")
     assert access.pressed_once.is_set() and access.stopped is not None

@@ -10,9 +10,10 @@ from typing import Any
 import click
 import pytest
 
-from handctl.command.batch_and_shell import Shell, line
+from handctl.command.command_lines import parse_line
 from handctl.command.command_tree import root
 from handctl.command.run import Run
+from handctl.tools.shell import Shell
 from tests.support.cli import fake, run, spying
 from tests.support.terminal import Terminal
 
@@ -36,7 +37,7 @@ def shell(typed: list[str], *options: str, family: str = "exo") -> tuple[Shell, 
         except StopIteration:
             raise EOFError from None
 
-    one = line(["exo", "describe", *options], {})
+    one = parse_line(["exo", "describe", *options], {})
     context: click.Context = one.context
     return Shell(Run(context, one.settings, None), family, read_line), prompts
 

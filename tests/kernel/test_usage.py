@@ -10,7 +10,7 @@ import pytest
 
 from handctl.command.command_tree import root
 from handctl.command.options import CONNECTION, SharedOption
-from handctl.docgen.tree import read_tree
+from handctl.docgen.read_command_tree import read_tree
 from handctl.families import FAMILIES
 from tests.support.cli import run
 from tests.support.each_row import each_row

@@ -28,10 +28,10 @@ import pytest
 from handctl.errors import LinkError
 from handctl.link import CanFrame, NoLink, RawAccess, can, deadman, open_link, serial
 from handctl.link.deadman import LARGEST, EarlyWrite, _pack, _unpack, guard_link, stop_in_child
-from handctl.link.lock import InUse, hold
-from handctl.model.settings import Settings
+from handctl.link.device_lock import InUse, hold
+from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, StopPlan, stop_sequence_of
-from handctl.system import child
+from handctl.system import watchdog_process
 from tests.support.cli import PATIENCE, wait_until
 from tests.support.each_row import each_row
 
@@ -47,7 +47,7 @@ PROGRAM = """
     import os, sys, time
     from handctl.link import open_link
     from handctl.link.deadman import EarlyWrite, guard_link
-    from handctl.link.lock import hold
+    from handctl.link.device_lock import hold
 
     {stop}
 
@@ -373,11 +373,13 @@ def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
 
 def test_a_guard_that_has_gone_or_acted_is_seen_before_the_next_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that has gone is replaced; one that has acted ends the command as by Ctrl-C."""
-    states, started, told = ["lives", "gone", "lives", "acts"], list[child.Job](), list[str]()
-    monkeypatch.setattr(child, "started", lambda job: started.append(job) or child.WatchdogChild(1, -1, -1))
-    monkeypatch.setattr(child, "state", lambda _heir: states.pop(0))
-    monkeypatch.setattr(child, "ended", lambda _heir: None)
-    monkeypatch.setattr(child, "finished", lambda _heir, _seconds: None)
+    states, started, told = ["lives", "gone", "lives", "acts"], list[watchdog_process.Job](), list[str]()
+    monkeypatch.setattr(
+        watchdog_process, "started", lambda job: started.append(job) or watchdog_process.WatchdogChild(1, -1, -1)
+    )
+    monkeypatch.setattr(watchdog_process, "state", lambda _heir: states.pop(0))
+    monkeypatch.setattr(watchdog_process, "ended", lambda _heir: None)
+    monkeypatch.setattr(watchdog_process, "finished", lambda _heir, _seconds: None)
     link = WayOut(-1)
     with pytest.raises(KeyboardInterrupt), guard_link(link, stop, lambda code, *_: told.append(code)):
         for count in (1, 1, 2, 2):
@@ -448,7 +450,9 @@ def test_a_job_is_the_same_in_another_process() -> None:
         assert way is not None
         way.before, way.note_unfinished = (lambda: None), (lambda _rest: None)  # of a guard, which stays here
         plan = StopPlan(partial(stop_sequence_of, "wrist"), context._replace(powered=power))
-        job = child.Job(7, (), partial(deadman._act, way, plan), child.message(b"text", 0.5), 3.0)
+        job = watchdog_process.Job(
+            7, (), partial(deadman._stop_and_close, way, plan), watchdog_process.message(b"text", 0.5), 3.0
+        )
         there = pickle.loads(pickle.dumps(job))  # noqa: S301 - our own
         gone, told = there.act.args
         assert (gone.descriptor, gone.baud) == (way.descriptor, way.baud)
@@ -459,11 +463,15 @@ def test_a_job_is_the_same_in_another_process() -> None:
 
 
 def test_of_many_messages_the_last_one_counts() -> None:
-    first, last, pulse = child.message(b"a", 0.0), child.message(b"b", 0.5), child.PULSE
+    first, last, pulse = (
+        watchdog_process.message(b"a", 0.0),
+        watchdog_process.message(b"b", 0.5),
+        watchdog_process.PULSE,
+    )
     stream = first + pulse + last + pulse
     for cut in range(len(stream) + 1):
-        told, rest = child._heard(b"before", stream[:cut])
-        told, rest = child._heard(told, rest + stream[cut:])
+        told, rest = watchdog_process._heard(b"before", stream[:cut])
+        told, rest = watchdog_process._heard(told, rest + stream[cut:])
         assert (told, rest) == (last[2:], b"")
 
 
@@ -475,7 +483,7 @@ def test_messages_come_back_as_they_went() -> None:
     for owed in (b"", b"x", bytes(300)):
         text = _pack(owed, first)
         assert _unpack(text) == (owed, first)
-        assert child.message(text, 0.5) == (len(text) + 2).to_bytes(2, "big") + b"\x01\xf4" + text
+        assert watchdog_process.message(text, 0.5) == (len(text) + 2).to_bytes(2, "big") + b"\x01\xf4" + text
 
 
 def test_a_message_goes_whole_or_not_at_all() -> None:

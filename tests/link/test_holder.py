@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from handctl.link import lock
+from handctl.link import device_lock
 from handctl.system import processes
 
 
@@ -15,7 +15,7 @@ def test_another_program_with_the_number_of_the_holder_is_not_named(tmp_path: Pa
         file.write_text(f"{pid}\t{start}\texo\twrites\tx\thandctl exo set\n")
         descriptor = os.open(file, os.O_RDONLY)
         try:
-            holder = lock._holder(descriptor)
+            holder = device_lock._holder(descriptor)
         finally:
             os.close(descriptor)
         assert (holder is not None and holder.pid == pid and holder.writes) == known, start

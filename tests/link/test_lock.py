@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from handctl.errors import LinkError
-from handctl.link import lock
-from handctl.link.lock import InUse, hold
+from handctl.link import device_lock
+from handctl.link.device_lock import InUse, hold
 from handctl.system import processes
 from tests.support.virtual import virtual_time
 
@@ -63,7 +63,7 @@ def test_one_device_has_one_lock_by_whatever_name(
     folders: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, one: str, other: str
 ) -> None:
     """Who comes second is refused and told who has it."""
-    monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.02)
+    monkeypatch.setattr(device_lock, "LAST_STOP_SECONDS", 0.02)
     alias = tmp_path / "by-id"
     alias.symlink_to("/dev/null")  # a character device, as a port is
     one, other = (name.format(port="/dev/null", alias=alias) for name in (one, other))
@@ -83,7 +83,7 @@ def test_a_folder_of_somebody_else_is_not_trusted(folders: tuple[Path, Path], mo
     for folder in folders:
         folder.mkdir()
     user = os.getuid()
-    monkeypatch.setattr(lock, "private_folders", lambda: [str(folder) for folder in folders])
+    monkeypatch.setattr(device_lock, "private_folders", lambda: [str(folder) for folder in folders])
     monkeypatch.setattr(os, "getuid", lambda: user + 1)
     with pytest.raises(LinkError) as caught:
         hold(LINK, "handctl aidin stop")
@@ -136,7 +136,7 @@ def test_who_holds_it_is_named_when_it_is_known(folders: tuple[Path, Path], cont
     with virtual_time() as clock, pytest.raises(LinkError) as caught:
         began = clock.now()
         hold(LINK, "handctl exo get", family="exo")
-    assert (clock.now() - began >= lock.LAST_STOP_SECONDS) is (who != KNOWN)
+    assert (clock.now() - began >= device_lock.LAST_STOP_SECONDS) is (who != KNOWN)
     assert caught.value.code == "busy"
     assert caught.value.text.endswith(f"in use by {who.format(pid=pid)}")
     assert hint.format(pid=pid) in caught.value.hint

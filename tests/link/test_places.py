@@ -13,8 +13,8 @@ import serial.urlhandler as pyserial_urls
 
 from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import open_link, serial
-from handctl.link.base import SCHEMES
-from handctl.link.lock import canonical, hold
+from handctl.link.device_lock import canonical, hold
+from handctl.link.link_interface import SCHEMES
 from handctl.link.port_users import group_remedy
 from tests.support.cli import PATIENCE, run
 from tests.support.each_row import each_row

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.terminal_theme import TerminalTheme
 
 from handctl.model.result import Sample
-from handctl.screen import live
+from handctl.screen import live_view
 from tests.support.screen import screen
 
 HERE = Path(__file__).parent
@@ -79,7 +79,7 @@ def draw(name: str) -> str:
         highlight=False, markup=False, emoji=False, legacy_windows=False, file=io.StringIO(),
     )  # fmt: skip
 
-    def draw_last(view: live.View, samples: Iterator[Sample], _context: Any) -> Iterator[Sample]:
+    def draw_last(view: live_view.View, samples: Iterator[Sample], _context: Any) -> Iterator[Sample]:
         for sample in samples:
             view.add(sample)
             yield sample
@@ -87,8 +87,8 @@ def draw(name: str) -> str:
 
     with (
         tempfile.TemporaryDirectory() as folder,
-        mock.patch("handctl.screen.tables.console_on", lambda _file, _color: recorder),
-        mock.patch("handctl.screen.live.watched", draw_last),
+        mock.patch("handctl.screen.terminal_tables.console_on", lambda _file, _color: recorder),
+        mock.patch("handctl.screen.live_view.watched", draw_last),
     ):
         link = f"fake://exo?seed=7&clock=virtual&jitter=1&state={folder}/state.json"
         if "@" in command:

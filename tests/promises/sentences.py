@@ -10,7 +10,7 @@ from pathlib import Path
 from unittest import mock
 
 from handctl import guides
-from handctl.docgen.man import exit_codes
+from handctl.docgen.man_pages import exit_codes
 from handctl.families import FAMILIES
 from handctl.guides import Item, Para
 from tests.contract.cell import wrote

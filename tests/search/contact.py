@@ -12,8 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from handctl.devices.barrett.map import BARRETT, implausible, with_sign
-from handctl.devices.ekso.map import SETTINGS
+from handctl.devices.barrett.parameter_map import BARRETT, implausible, with_sign
+from handctl.devices.ekso.parameter_map import SETTINGS
 from tests.contract.cell import tried
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of
 from tests.contract.facts import facts_of

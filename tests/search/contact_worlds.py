@@ -8,10 +8,11 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from handctl.devices.aidin.device import outside
-from handctl.devices.aidin.map import FEEDBACK
-from handctl.devices.ekso.map import MESSAGES, Word
-from handctl.devices.inspire.hand.map import BYTE_MAP, DF, TP
-from handctl.devices.inspire.map import EXO, WRIST, Register
+from handctl.devices.aidin.parameter_map import FEEDBACK
+from handctl.devices.ekso.parameter_map import MESSAGES, Word
+from handctl.devices.inspire.hand.generations import DF, TP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP
+from handctl.devices.inspire.register_map import EXO, WRIST, Register
 from handctl.sim.ekso.device import crc
 from tests.support.odd_devices import odd_aidin, odd_ekso, odd_registers
 

@@ -13,12 +13,12 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
-from handctl.docgen.tree import map_of
+from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.model.param import SETTING
 from handctl.sim import model_class
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.contract.cell import CODES, go, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of, writing_commands
 from tests.contract.facts import Passed, Rule, facts_of

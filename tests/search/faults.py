@@ -18,8 +18,8 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from handctl.families import FAMILIES
-from handctl.sim.engine.can import CAN_FAULTS
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.can_line import CAN_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.contract.cell import judge
 from tests.contract.facts import Passed, facts_of, passed
 from tests.contract.facts.outcomes import Outcomes, Variant, outcomes_of

@@ -16,9 +16,9 @@ from typing import Any, NamedTuple
 from handctl.command.family import load
 from handctl.families import FAMILIES
 from handctl.sim import folder_of, model_class
-from handctl.sim.bus.file import MODELS
-from handctl.sim.engine.can import CAN_FAULTS
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.bus.bus_file import MODELS
+from handctl.sim.engine.can_line import CAN_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.contract.cell import CODES, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of

@@ -12,7 +12,7 @@ from typing import Any
 
 from handctl.families import FAMILIES
 from handctl.model.proofs import AS_ASSUMED, DIFFERS
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.search.suite import Listed, key, parts
 from tests.support.cli import Result, run
 

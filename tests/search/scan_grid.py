@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.families import FAMILIES
-from handctl.tools.probes import family_of, probe_of
+from handctl.tools.family_probe import family_of, probe_of
 from tests.search.suite import Listed
 from tests.support.bus_file import text
 from tests.support.cli import run

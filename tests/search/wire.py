@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from handctl.families import FAMILIES
-from handctl.sim.engine.can import CAN_FAULTS
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.can_line import CAN_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.messages.cells import messages
 from tests.search.suite import Listed
 from tests.wire.book import Lines, differing, golden

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from handctl.sim import create
-from handctl.sim.engine.line import Line
+from handctl.sim.engine.line_and_faults import Line
 
 PROMPT = "\n\r=> "
 MOTOR_33 = [

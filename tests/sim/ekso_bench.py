@@ -5,7 +5,7 @@ from __future__ import annotations
 from binascii import crc_hqx
 
 from handctl.sim import create
-from handctl.sim.engine.line import Line
+from handctl.sim.engine.line_and_faults import Line
 
 GET_TIME = "96 00 00 C8 3D 82"
 TIME_4 = "96 04 00 C8 0E 05 25 00 31 2A"

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from handctl.sim import create
-from handctl.sim.engine.line import Line
+from handctl.sim.engine.line_and_faults import Line
 from tests.support.each_row import each_row
 
 NEUTRAL = "{}"

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from handctl.sim import create, model_class
-from handctl.sim.engine.line import LINE_FAULTS, Line
+from handctl.sim.engine.line_and_faults import LINE_FAULTS, Line
 from tests.support.each_row import each_row
 
 STOP = '{"hand_mode":3}'

@@ -8,8 +8,8 @@ import pytest
 
 from handctl.sim import create
 from handctl.sim.bus import client_of
-from handctl.sim.bus.file import MODELS, read
-from handctl.sim.bus.line import Bus, Client
+from handctl.sim.bus.bus_file import MODELS, read
+from handctl.sim.bus.serial_bus import Bus, Client
 from handctl.sim.bus.wire_pair import Pair, Receiver
 from tests.support.bus_file import text
 from tests.support.each_row import each_row

@@ -10,7 +10,7 @@ import pytest
 import serial
 from click.testing import CliRunner
 
-from handctl.sim.bus.file import EXAMPLE
+from handctl.sim.bus.bus_file import EXAMPLE
 from handctl.sim.cli import cli
 from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, wait_until

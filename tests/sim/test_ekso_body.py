@@ -9,7 +9,7 @@ from math import cos, radians, sin
 
 import pytest
 
-from handctl.sim.ekso.body import POSTURES, hips
+from handctl.sim.ekso.mechanics import POSTURES, hips
 from tests.sim.ekso_bench import Bench, message
 
 

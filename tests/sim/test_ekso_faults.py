@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.sim import model_class
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.sim.ekso_bench import (
     CANCEL,
     GET_DATA,

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from handctl.sim import create
-from handctl.sim.engine.line import Line
+from handctl.sim.engine.line_and_faults import Line
 from tests.support.each_row import each_row
 
 READ_ID = "EB 90 01 04 11 E8 03 01 02"

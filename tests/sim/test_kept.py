@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from handctl.families import FAMILIES
-from handctl.link import lock
+from handctl.link import device_lock
 from tests.support.cli import Result, clean_environment, run, start, wait_until
 from tests.support.virtual import virtual_time
 
@@ -212,7 +212,7 @@ def test_forget_may_be_said_twice() -> None:
 
 
 def test_one_command_at_a_time_acts_on_it() -> None:
-    held = lock.hold("fake://exo", "handctl exo set", family="exo", writes=True, kept=True)
+    held = device_lock.hold("fake://exo", "handctl exo set", family="exo", writes=True, kept=True)
     assert held is not None
     try:
         second = run("exo", "set", "position_set.index=300", "--fake", "--yes", "--json")

@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from handctl.sim import create, kinds
-from handctl.sim.engine.line import LINE_FAULTS, Line
+from handctl.sim.engine.line_and_faults import LINE_FAULTS, Line
 from handctl.sim.engine.simulated_device import Random
 from tests.support.each_row import each_row
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.sim import create
-from handctl.sim.engine.line import Plug
+from handctl.sim.engine.line_and_faults import Plug
 from handctl.sim.engine.serve import send_control
 from tests.support.cli import Simulator, run, wait_until
 from tests.support.virtual import Loop

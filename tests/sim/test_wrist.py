@@ -15,8 +15,8 @@ import pytest
 
 import handctl
 from handctl.sim import create, kinds, model_class
-from handctl.sim.engine.can import CAN_FAULTS, CanLine
-from handctl.sim.engine.line import LINE_FAULTS, Line
+from handctl.sim.engine.can_line import CAN_FAULTS, CanLine
+from handctl.sim.engine.line_and_faults import LINE_FAULTS, Line
 from tests.support.each_row import each_row
 
 DUMP = "EB 90 01 04 30 FC 03 18 4C"
@@ -1492,7 +1492,7 @@ def test_it_starts_light() -> None:
     }
     assert not can & heavy
     assert "handctl.sim.exo.device" not in can
-    assert "handctl.sim.engine.can" in can - serial
+    assert "handctl.sim.engine.can_line" in can - serial
 
 
 # -- the hand behind the wrist --------------------------------------------------------------------------------------------

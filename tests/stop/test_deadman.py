@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.docgen.tree import read_tree
+from handctl.docgen.read_command_tree import read_tree
 from handctl.families import FAMILIES
 from tests.contract.facts import facts_of
 from tests.stop.drives import BENCHES, DRIVEN, FURTHER, Bench, Drive, first_of, standing

@@ -13,7 +13,7 @@ from unittest import mock
 
 import pytest
 
-from handctl.devices.barrett.realtime.schedule import Controls
+from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.inspire import can_frames, eb90
 from handctl.link import Deadline, Link, RawAccess, deadman
 from handctl.link.can import _slcan_frame

@@ -15,7 +15,7 @@ from unittest import mock
 
 import pytest
 
-from handctl.docgen.tree import Node, Value, read_tree
+from handctl.docgen.read_command_tree import Node, Value, read_tree
 from handctl.families import FAMILIES
 from handctl.link import Deadline
 from tests.barrett import support

@@ -25,11 +25,12 @@ from handctl.devices.inspire import eb90
 from handctl.errors import OutputError
 from handctl.families import FAMILIES
 from handctl.link import RawAccess, deadman
+from handctl.model.command_settings import Settings
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
-from handctl.model.stop_sequence import Stopped, context_for_link, interrupt_error, run_stop, stop_sequence_of
+from handctl.model.stop_on_interrupt import interrupt_error
+from handctl.model.stop_sequence import Stopped, context_for_link, run_stop, stop_sequence_of
 from handctl.stop.device_access import DeviceAccess
 from tests.stop.far import Far, Weather
 from tests.support.each_row import each_row
@@ -77,7 +78,7 @@ def motors(line: Any) -> tuple[int, ...]:
 
 def flow(hand: Any, far: Far) -> None:
     from handctl.devices.aidin.device import object_of
-    from handctl.devices.aidin.map import CURRENTS, Mode
+    from handctl.devices.aidin.parameter_map import CURRENTS, Mode
 
     hand.conversation.connect()
     for _ in range(20):

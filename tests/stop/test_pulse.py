@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.aidin.map import CURRENTS
 from handctl.devices.aidin.motion import currents, parse
-from handctl.devices.barrett.map import SPEEDS
-from handctl.devices.barrett.realtime.schedule import Controls
+from handctl.devices.aidin.parameter_map import CURRENTS
+from handctl.devices.barrett.parameter_map import SPEEDS
+from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.link import deadman
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.prompts import Prompts

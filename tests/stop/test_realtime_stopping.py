@@ -13,7 +13,7 @@ import pytest
 
 from handctl.command.terminal_prompts import TerminalPrompts
 from handctl.screen import render
-from handctl.sim.engine.line import Line
+from handctl.sim.engine.line_and_faults import Line
 from tests.barrett.commands import fake
 from tests.support.cli import clean_environment, run, wait_until
 from tests.support.person import pressed_at

@@ -18,7 +18,7 @@ import pytest
 from handctl.command.config import DEVICE_KEYS
 from handctl.command.options import CONNECTION, SharedOption, lasting_options
 from handctl.families import FAMILIES, WIRES
-from handctl.tools.probes import family_of
+from handctl.tools.family_probe import family_of
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 

@@ -23,7 +23,7 @@ import pytest
 
 from handctl.errors import DeviceRefused, NoAnswer
 from handctl.families import FAMILIES
-from handctl.model.settings import Settings
+from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, exchange_steps, stop_sequence_of, writes_without_replies
 from handctl.sim.engine.serve import send_control
 from handctl.stop.stop_listener import STOP_SECONDS
@@ -172,7 +172,7 @@ GUARDED = """
     import os, signal, sys
     from handctl.link import open_link
     from handctl.link.deadman import guard_link
-    from handctl.link.lock import hold
+    from handctl.link.device_lock import hold
 
     name, frame, seconds = sys.argv[1:]
     link = open_link(name)

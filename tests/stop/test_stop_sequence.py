@@ -8,8 +8,8 @@ import pytest
 
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.link import Deadline
+from handctl.model.command_settings import Settings
 from handctl.model.param import Step
-from handctl.model.settings import Settings
 from handctl.model.stop_repetition import attempts, single_write_stop
 from handctl.model.stop_sequence import Sent, StopContext, exchange_steps, stop_sequence_of, writes_without_replies
 from tests.support.cli import run

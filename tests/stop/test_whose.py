@@ -12,10 +12,10 @@ import pytest
 from handctl.command import connection
 from handctl.command.run import Run
 from handctl.families import FAMILIES
-from handctl.link import ByteLink, FrameLink, Link, lock, open_link
-from handctl.link.lock import Holder, InUse, hold, last_family
+from handctl.link import ByteLink, FrameLink, Link, device_lock, open_link
+from handctl.link.device_lock import Holder, InUse, hold, last_family
 from handctl.model.result import Journal
-from handctl.stop.command import _end
+from handctl.stop.stop_command import _end
 from handctl.system import processes
 from handctl.tools import stop
 from tests.support.cli import Result, run
@@ -95,7 +95,7 @@ def test_what_is_kept_is_nobody_who_has_the_device(monkeypatch: pytest.MonkeyPat
     held = hold(PORT, "handctl exo watch", family="exo")
     assert held is not None
     lock_file().write_text("\nexo\n")
-    monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.0)
+    monkeypatch.setattr(device_lock, "LAST_STOP_SECONDS", 0.0)
     with pytest.raises(InUse) as caught:
         hold(PORT, "handctl exo get")
     assert caught.value.holder is None and last_family(PORT) == "exo"

@@ -48,5 +48,5 @@ def heavy(modules: set[str]) -> set[str]:
 
 
 def back_ends(modules: set[str]) -> set[str]:
-    """Modules of links of one kind; `link.base` is what all of them are."""
-    return {name for name in modules if name.startswith("handctl.link.")} - {"handctl.link.base"}
+    """Modules of links of one kind; `link.link_interface` is what all of them are."""
+    return {name for name in modules if name.startswith("handctl.link.")} - {"handctl.link.link_interface"}

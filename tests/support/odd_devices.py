@@ -11,7 +11,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from handctl.sim.aidin.text import Writer
+from handctl.sim.aidin.json_text import Writer
 from handctl.sim.ekso import device as ekso
 from handctl.sim.hand import device as hand
 from handctl.sim.hand.registers import Hand

@@ -15,7 +15,7 @@ import struct
 from collections import Counter
 from typing import Any, NamedTuple
 
-from handctl.sim.engine.line import Line
+from handctl.sim.engine.line_and_faults import Line
 from handctl.sim.engine.simulated_device import Model, Options, Random, Reply
 from handctl.sim.inspire.frames import find, frame
 from tests.support.foreign_devices import DF, DG2, F1, TP

@@ -10,7 +10,7 @@ import pytest
 
 from handctl.model.result import Journal
 from handctl.system import advice
-from handctl.system.ports import Driver, usb_of
+from handctl.system.serial_ports import Driver, usb_of
 from handctl.tools import ports
 from handctl.tools.doctor import machine_checks
 from handctl.tools.port_inventory import Machine

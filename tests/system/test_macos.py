@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from handctl.link import serial
-from handctl.system import disk, ports
+from handctl.system import disk, serial_ports
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def test_what_is_on_the_disk_is_on_it_for_good(known: bool, tmp_path: Path, monk
 def test_the_adapters_are_named_and_what_is_always_there_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
     there = ["/dev/cu.usbserial-A1", "/dev/cu.Bluetooth-Incoming-Port", "/dev/cu.debug-console", "/dev/cu.usbmodem11"]
     monkeypatch.setattr(glob, "glob", lambda pattern: there if pattern == "/dev/cu.*" else [])
-    assert ports.present(list) == ["/dev/cu.usbmodem11", "/dev/cu.usbserial-A1"]
+    assert serial_ports.present(list) == ["/dev/cu.usbmodem11", "/dev/cu.usbserial-A1"]
     assert serial._ports_hint("/dev/cu.usbserial-9") == "use one of /dev/cu.usbmodem11, /dev/cu.usbserial-A1"
 
 
@@ -53,11 +53,15 @@ def test_one_lock_for_both_names(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         os, "stat", lambda path, **more: real("/dev/null" if str(path).startswith("/dev/") else path, **more)
     )
-    assert ports.place("/dev/tty.usbserial-A1") == ports.place("/dev/cu.usbserial-A1") == "/dev/cu.usbserial-A1"
+    assert (
+        serial_ports.place("/dev/tty.usbserial-A1")
+        == serial_ports.place("/dev/cu.usbserial-A1")
+        == "/dev/cu.usbserial-A1"
+    )
 
 
 @pytest.mark.usefixtures("macos")
 def test_a_busy_port_names_who_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(ports, "of_lsof", lambda path: [(4711, "screen")])
+    monkeypatch.setattr(serial_ports, "of_lsof", lambda path: [(4711, "screen")])
     assert [str(one) for one in serial.holders("/dev/cu.usbserial-A1")] == ["screen (pid 4711)"]
-    assert ports.held_by_name("/dev/cu.usbserial-A1")
+    assert serial_ports.held_by_name("/dev/cu.usbserial-A1")

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from handctl.system import ports
+from handctl.system import serial_ports
 
 WINDOWS = "could not open port 'COM7': {}"
 
@@ -33,7 +33,7 @@ WINDOWS = "could not open port 'COM7': {}"
     ],
 )
 def test_what_pyserial_says_on_windows(words: str, number: int | None) -> None:
-    assert ports.of_windows(words) == number
+    assert serial_ports.of_windows(words) == number
 
 
 def test_a_port_of_windows_is_listed_with_what_it_is() -> None:
@@ -43,16 +43,20 @@ def test_a_port_of_windows_is_listed_with_what_it_is() -> None:
                "description": "n/a", **more},
         )  # fmt: skip
 
-    assert ports.described(port(vid=0x0403, pid=0x6001, serial_number="A1", manufacturer="FTDI")) == (
+    assert serial_ports.described(port(vid=0x0403, pid=0x6001, serial_number="A1", manufacturer="FTDI")) == (
         "COM3  FTDI  usb:0403:6001:A1"
     )
-    assert ports.described(port(vid=0x10C4, pid=0xEA60)) == "COM3  usb:10C4:EA60"
-    assert ports.described(port(description="Communications Port (COM1)")) == "COM3  Communications Port (COM1)"
+    assert serial_ports.described(port(vid=0x10C4, pid=0xEA60)) == "COM3  usb:10C4:EA60"
+    assert serial_ports.described(port(description="Communications Port (COM1)")) == "COM3  Communications Port (COM1)"
 
 
 def test_the_two_names_of_a_port_of_macos_are_one_place() -> None:
-    assert ports.cu_name("/dev/tty.usbserial-A1") == ports.cu_name("/dev/cu.usbserial-A1") == "/dev/cu.usbserial-A1"
-    assert ports.cu_name("/dev/ttyUSB0") == "/dev/ttyUSB0"
+    assert (
+        serial_ports.cu_name("/dev/tty.usbserial-A1")
+        == serial_ports.cu_name("/dev/cu.usbserial-A1")
+        == "/dev/cu.usbserial-A1"
+    )
+    assert serial_ports.cu_name("/dev/ttyUSB0") == "/dev/ttyUSB0"
 
 
 @pytest.mark.real
@@ -65,8 +69,8 @@ def test_who_has_a_port_of_macos_is_asked_of_lsof(tmp_path: Path, monkeypatch: p
     )
     lsof.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:{os.environ['PATH']}")
-    assert ports.of_lsof(str(port)) == [(4711, "screen")]
+    assert serial_ports.of_lsof(str(port)) == [(4711, "screen")]
     assert (tmp_path / "asked").read_text().split()[:3] == ["-F", "pc", "--"]
     lsof.unlink()
     monkeypatch.setenv("PATH", str(tmp_path))
-    assert ports.of_lsof(str(port)) == [], "a machine without it"
+    assert serial_ports.of_lsof(str(port)) == [], "a machine without it"

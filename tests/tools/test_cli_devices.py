@@ -13,8 +13,8 @@ import pytest
 
 from handctl.command import config_edit
 from handctl.errors import LinkError
-from handctl.link import lock
-from handctl.model.settings import Settings
+from handctl.link import device_lock
+from handctl.model.command_settings import Settings
 from tests.support.cli import Result, Simulator, clean_environment, fake, program, run, spying, wait_until
 from tests.support.each_row import each_row
 
@@ -362,7 +362,7 @@ def test_without_a_file_nothing_is_loaded_for_it(place: Place) -> None:
         )
         modules = set(done.stderr.rpartition("[")[2].replace("'", "").strip("]\n").split(", "))
         assert "handctl.command.options" in modules, done
-        assert not {"tomllib", "handctl.command.config", "handctl.link.lock", "fcntl", "hashlib"} & modules
+        assert not {"tomllib", "handctl.command.config", "handctl.link.device_lock", "fcntl", "hashlib"} & modules
 
 
 # -- one process at a time --------------------------------------------------------------------------------------------
@@ -383,16 +383,16 @@ def terminal() -> Iterator[str]:
 
 
 def test_the_second_is_told_who_holds_it(runtime: Path) -> None:
-    first = lock.hold("tcp://127.0.0.1:8000", "handctl aidin watch")
+    first = device_lock.hold("tcp://127.0.0.1:8000", "handctl aidin watch")
     assert first is not None
     with pytest.raises(LinkError) as caught:
-        lock.hold("socket://LOCALHOST:8000", "handctl aidin stop")
+        device_lock.hold("socket://LOCALHOST:8000", "handctl aidin stop")
     assert (caught.value.exit_code, caught.value.code) == (3, "busy")
     assert f"`handctl aidin watch` (pid {os.getpid()})" in caught.value.text
-    other = lock.hold("tcp://127.0.0.1:8001", "handctl aidin watch")
+    other = device_lock.hold("tcp://127.0.0.1:8001", "handctl aidin watch")
     first.release()
     first.release()
-    second = lock.hold("tcp://127.0.0.1:8000", "handctl aidin stop")
+    second = device_lock.hold("tcp://127.0.0.1:8000", "handctl aidin stop")
     for held in (other, second):
         assert held is not None
         held.release()
@@ -401,14 +401,14 @@ def test_the_second_is_told_who_holds_it(runtime: Path) -> None:
 
 @pytest.mark.real
 def test_a_holder_that_is_gone_is_not_named(runtime: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lock, "LAST_STOP_SECONDS", 0.02)
-    first = lock.hold("tcp://h:1", "x")
+    monkeypatch.setattr(device_lock, "LAST_STOP_SECONDS", 0.02)
+    first = device_lock.hold("tcp://h:1", "x")
     assert first is not None
     (path,) = runtime.glob("handctl/lock-*")
     for text in ("", f"{2**22 + 1} handctl exo watch\n", "no\n", "9" * 30):
         path.write_text(text)
         with pytest.raises(LinkError, match=r"in use by another handctl$") as caught:
-            lock.hold("tcp://h:1", "x")
+            device_lock.hold("tcp://h:1", "x")
         assert "kill" not in caught.value.hint
     first.release()
 
@@ -418,16 +418,26 @@ def test_all_names_of_a_place_are_one(terminal: str, tmp_path: Path) -> None:
     by_id = tmp_path / "usb-Some_Adapter"
     by_id.symlink_to(terminal)
     (tmp_path / "file").write_text("")
-    place = lock.canonical(terminal)
+    place = device_lock.canonical(terminal)
     assert place.startswith("tty ")
     for name in (by_id, f"spy://{terminal}?file=x", f"can:slcan:{terminal}", f"can:slcan:{by_id}?bitrate=500000"):
-        assert lock.canonical(str(name)) == place
-    assert lock.canonical("tcp://Hand.local", 8000) == lock.canonical("tcp://hand.local:8000/") == "tcp hand.local:8000"
-    assert lock.canonical("tcp://[fe80::1]", 8000) == lock.canonical("tcp://[FE80::1]:8000") == "tcp fe80::1:8000"
-    assert lock.canonical("can:slcan:socket://localhost:5") == lock.canonical("rfc2217://127.0.0.1:5?logging=debug")
-    assert lock.canonical("can:socketcan:can0?bitrate=1") == "can socketcan:can0"
-    assert lock.canonical("usb:0403:6001:AB") == lock.canonical("USB:0403:6001:ab".replace("USB", "usb"))
-    assert lock.canonical(str(tmp_path / "file")) == str(tmp_path / "file")
+        assert device_lock.canonical(str(name)) == place
+    assert (
+        device_lock.canonical("tcp://Hand.local", 8000)
+        == device_lock.canonical("tcp://hand.local:8000/")
+        == "tcp hand.local:8000"
+    )
+    assert (
+        device_lock.canonical("tcp://[fe80::1]", 8000)
+        == device_lock.canonical("tcp://[FE80::1]:8000")
+        == "tcp fe80::1:8000"
+    )
+    assert device_lock.canonical("can:slcan:socket://localhost:5") == device_lock.canonical(
+        "rfc2217://127.0.0.1:5?logging=debug"
+    )
+    assert device_lock.canonical("can:socketcan:can0?bitrate=1") == "can socketcan:can0"
+    assert device_lock.canonical("usb:0403:6001:AB") == device_lock.canonical("USB:0403:6001:ab".replace("USB", "usb"))
+    assert device_lock.canonical(str(tmp_path / "file")) == str(tmp_path / "file")
     distinct = [
         "tcp://a:1",
         "tcp://a:2",
@@ -438,13 +448,13 @@ def test_all_names_of_a_place_are_one(terminal: str, tmp_path: Path) -> None:
         "a_b",
         "x" * 400,
     ]
-    assert len({lock._file_name(lock.canonical(link)) for link in distinct}) == len(distinct)
-    assert all(len(lock._file_name(lock.canonical(link))) < 250 for link in distinct)
+    assert len({device_lock._file_name(device_lock.canonical(link)) for link in distinct}) == len(distinct)
+    assert all(len(device_lock._file_name(device_lock.canonical(link))) < 250 for link in distinct)
 
 
 def test_a_simulation_in_the_process_is_not_locked(runtime: Path) -> None:
     for link in ("fake://exo", "replay:x", "loop://"):
-        assert lock.hold(link, "x") is None
+        assert device_lock.hold(link, "x") is None
     assert list(runtime.iterdir()) == []
 
 
@@ -453,7 +463,7 @@ def test_where_the_lock_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     (tmp_path / "tmp").mkdir()
     monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "gone"))
-    held = lock.hold("tcp://h:1", "x")
+    held = device_lock.hold("tcp://h:1", "x")
     assert held is not None
     held.release()
     (folder,) = (tmp_path / "tmp").iterdir()
@@ -461,7 +471,7 @@ def test_where_the_lock_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert len(list(folder.glob("lock-*"))) == 1
     monkeypatch.setenv("TMPDIR", str(tmp_path / "gone"))
     with pytest.raises(LinkError) as caught:
-        lock.hold("tcp://h:1", "x")
+        device_lock.hold("tcp://h:1", "x")
     assert caught.value.code == "no-lock"
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
-from handctl.tools.trace_read import Stamp, TranscriptRow, row_text
+from handctl.tools.trace_reader import Stamp, TranscriptRow, row_text
 from tests.support.cli import fake, run
 
 ASK, REPLY = "EB 90 01 04 11 C0 05 02 DD", "90 EB 01 05 11 C0 05 2E 02 0C"

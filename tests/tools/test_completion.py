@@ -18,8 +18,8 @@ import click
 import pytest
 
 from handctl.command.command_tree import root
-from handctl.docgen.completion import MARK, SHELLS
-from handctl.docgen.tree import map_of
+from handctl.docgen.completion_scripts import MARK, SHELLS
+from handctl.docgen.read_command_tree import map_of
 from handctl.families import COMMANDS, FAMILIES
 from handctl.tools import completion_install as tool
 from tests.support.cli import run

@@ -16,13 +16,13 @@ from packaging.requirements import Requirement
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
-from handctl.model.checks import Check
+from handctl.model.check_rows import Check
 from handctl.model.result import Journal
 from handctl.tools import doctor, doctor_link
 from handctl.tools.doctor import port_checks
 from handctl.tools.doctor_link import LinkChecks
+from handctl.tools.family_probe import probe_of
 from handctl.tools.port_inventory import needed
-from handctl.tools.probes import probe_of
 from tests.support.cli import Result, Simulator, run, sent, wait_until, writes
 from tests.support.each_row import each_row
 from tests.support.machine import System

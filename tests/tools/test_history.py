@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 import handctl
-from handctl.command import history
+from handctl.command import write_history
 from handctl.command.run import Run
 from handctl.families import FAMILIES
 from handctl.tools.history import _moment
@@ -75,7 +75,7 @@ def test_what_a_command_wrote_is_there_with_its_record(home: Path, kind: str) ->
 )
 def test_nothing_is_kept_of_what_wrote_nothing_or_is_left_out(home: Path, words: tuple[str, ...], setting: str) -> None:
     run(*words, env={"HANDCTL_HISTORY": setting})
-    assert kept() == [] and not history.folder().exists()
+    assert kept() == [] and not write_history.folder().exists()
 
 
 def test_writes_to_a_device_are_kept_without_being_asked_for(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -132,22 +132,22 @@ def test_the_stop_of_a_command_that_reads_is_there(home: Path, monkeypatch: pyte
 
 
 def test_the_files_are_private_and_bounded(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(history, "MOST_BYTES", 1500)
+    monkeypatch.setattr(write_history, "MOST_BYTES", 1500)
     for value in range(300, 330):
         assert written("exo", "set", f"force_set.index={value}", "-p", link("exo")).code == 0
-    names = sorted(path.name for path in history.folder().iterdir())
-    assert len(names) == history.KEPT and "history-1.jsonl" not in names
-    assert {stat.S_IMODE(path.stat().st_mode) for path in history.folder().iterdir()} == {0o600}
-    assert stat.S_IMODE(history.folder().stat().st_mode) == 0o700
-    assert all(path.stat().st_size < 3000 for path in history.folder().iterdir())
+    names = sorted(path.name for path in write_history.folder().iterdir())
+    assert len(names) == write_history.KEPT and "history-1.jsonl" not in names
+    assert {stat.S_IMODE(path.stat().st_mode) for path in write_history.folder().iterdir()} == {0o600}
+    assert stat.S_IMODE(write_history.folder().stat().st_mode) == 0o700
+    assert all(path.stat().st_size < 3000 for path in write_history.folder().iterdir())
     lines = [row["line"].split()[2] for row in kept()]
     assert lines == [f"force_set.index={value}" for value in range(330 - len(lines), 330)] and len(lines) > 4
     assert [row["line"].split()[2] for row in kept("--last", "2")] == lines[-2:]
 
 
 def test_a_long_command_is_cut_and_counted(home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(history, "MOST_STEPS", 1)
-    monkeypatch.setattr(history, "MOST_TEXT", 10)
+    monkeypatch.setattr(write_history, "MOST_STEPS", 1)
+    monkeypatch.setattr(write_history, "MOST_TEXT", 10)
     run("exo", "stop", "-p", link("exo"))
     (row,) = kept()
     assert row["steps"] == 2 and len(row["writes"]) == 1 and row["writes"][0]["bytes"] == "EB 90 01 0…"
@@ -157,21 +157,21 @@ def test_a_long_command_is_cut_and_counted(home: Path, monkeypatch: pytest.Monke
 def test_trouble_with_the_disk_is_no_trouble_of_the_command(
     home: Path, trouble: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    where = history.folder()
+    where = write_history.folder()
     if trouble == "file":
         where.parent.mkdir(parents=True, exist_ok=True)
         where.write_text("")
     elif trouble in ("folder", "fifo"):
         monkeypatch.setenv("XDG_STATE_HOME", str(home / trouble))
-        history.folder().mkdir(parents=True)
-        first = history.folder() / "history-1.jsonl"
+        write_history.folder().mkdir(parents=True)
+        first = write_history.folder() / "history-1.jsonl"
         os.mkfifo(first) if trouble == "fifo" else first.mkdir()
     else:
 
         def full(*_: object) -> None:
             raise OSError(28, "No space left on device")
 
-        monkeypatch.setattr(history, "_append", full)
+        monkeypatch.setattr(write_history, "_append", full)
     for words in (("exo", "set", "force_set.index=300", "-y"), ("exo", "stop")):
         done = run(*words, "-p", link("exo"), "--json")
         assert done.code == 0 and not [row for row in done.json["messages"] if row["level"] != "info"]
@@ -179,7 +179,7 @@ def test_trouble_with_the_disk_is_no_trouble_of_the_command(
 
 def test_damaged_lines_are_left_out_and_the_next_one_is_whole(home: Path) -> None:
     written("exo", "set", "force_set.index=300", "-p", link("exo"))
-    (path,) = history.files()
+    (path,) = write_history.files()
     path.write_bytes(path.read_bytes() + b'\xff[1]\n{"writes": 5}\n{"time": "x", "writes": [')
     written("exo", "set", "force_set.index=301", "-p", link("exo"))
     assert [row["line"].split()[2] for row in kept()] == ["force_set.index=300", "force_set.index=301"]
@@ -204,7 +204,7 @@ ODD: dict[str, dict[str, Any]] = {
 
 @each_row("name", {**FOREIGN, **ODD})
 def test_a_line_of_another_program_is_shown_or_left_out(home: Path, name: str) -> None:
-    where = history.folder()
+    where = write_history.folder()
     where.mkdir(parents=True, exist_ok=True)
     entry = {"time": "2026-11-26T10:00:00Z", "line": "x", "device": {"kind": "exo", "link": "y"}, "writes": []}
     changes = {**FOREIGN, **ODD}[name]
@@ -223,12 +223,12 @@ def test_a_folder_that_cannot_be_made_is_told(home: Path) -> None:
 
 
 def _entries(*moments: datetime) -> None:
-    history.folder().mkdir(parents=True)
+    write_history.folder().mkdir(parents=True)
     lines = [
         {"time": moment.isoformat(), "line": f"exo set id={number}", "device": {"name": None, "kind": "exo", "link": "COM3"}, "writes": []}
         for number, moment in enumerate(moments)
     ]  # fmt: skip
-    (history.folder() / "history-1.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
+    (write_history.folder() / "history-1.jsonl").write_text("".join(f"{json.dumps(line)}\n" for line in lines))
 
 
 def test_since_takes_what_a_person_says(home: Path) -> None:

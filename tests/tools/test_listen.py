@@ -9,8 +9,8 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.link import fake
-from handctl.tools import listen
-from handctl.tools.probes import family_of
+from handctl.tools import listen_command
+from handctl.tools.family_probe import family_of
 from tests.contract.facts import facts_of, passed
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -184,7 +184,7 @@ def speaks_at(right: int) -> Any:
 @each_row("right", [9600, 38400, 600])
 def test_the_baud_rate_is_found(right: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """And then it stays there."""
-    monkeypatch.setattr(listen, "received", speaks_at(right))
+    monkeypatch.setattr(listen_command, "received", speaks_at(right))
     result = run("barrett", "listen", "--find-baud", "--json", "--duration", "40", "-p", "fake://barrett?clock=virtual")
     rows, end = result.stream
     assert "baud-found" in result.said
@@ -196,7 +196,7 @@ def test_the_baud_rate_is_found(right: int, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_garbage_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listen, "received", speaks_at(38400))
+    monkeypatch.setattr(listen_command, "received", speaks_at(38400))
     result = run("barrett", "listen", "--duration", "3", "-p", "fake://barrett?clock=virtual")
     assert (result.code, result.said) == (0, ["garbage"])
     assert "--find-baud" in result.err

@@ -16,7 +16,7 @@ from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
 from handctl.model.proofs import LEVELS, READ
 from handctl.sim.aidin.device import Device as AidinSimulator
-from handctl.sim.engine.facts import Twin
+from handctl.sim.engine.facts_file import Twin
 from tests.search.prove import CHANGED, STAYS, STOP, WRITES, healthy, prove, shown, state_of
 from tests.support.bus_file import text
 from tests.support.cli import run, spying

@@ -15,8 +15,9 @@ from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
-from handctl.report import LONGEST, Privacy, environment, explained, port, shortened
+from handctl.report import LONGEST, environment, explained, port, shortened
 from handctl.report.html import Report, page
+from handctl.report.redaction import Privacy
 from handctl.tools import port_inventory
 from handctl.tools.port_inventory import Chip, Machine, Port
 from tests.support.page import Page
@@ -40,8 +41,8 @@ def test_every_quantity_that_tells_whose_it_is_is_known() -> None:
 
     found = set()
     for kind, place in {
-        "exo": "inspire.map:EXO", "wrist": "inspire.map:WRIST", "barrett": "barrett.map:BARRETT",
-        "ekso": "ekso.map:EKSO", "aidin": "aidin.map:AIDIN",
+        "exo": "inspire.register_map:EXO", "wrist": "inspire.register_map:WRIST", "barrett": "barrett.parameter_map:BARRETT",
+        "ekso": "ekso.parameter_map:EKSO", "aidin": "aidin.parameter_map:AIDIN",
     }.items():  # fmt: skip
         assert kind in FAMILIES
         module, name = place.split(":")

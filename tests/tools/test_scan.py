@@ -15,15 +15,15 @@ import pytest
 
 from handctl.devices.inspire import modbus_frames as modbus
 from handctl.errors import LinkError, ProtocolError
-from handctl.families import FAMILIES, SCANNED
+from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, Deadline
-from handctl.link.lock import hold
+from handctl.link.device_lock import hold
 from handctl.model.result import Journal, Row
 from handctl.sim.bus.wire_pair import resample
 from handctl.tools import scan, scan_report
-from handctl.tools.probes import probe_of
+from handctl.tools.family_probe import probe_of
+from handctl.tools.scan_link import plan
 from handctl.tools.scan_report import Step
-from handctl.tools.scan_run import plan
 from tests.support import bus_file
 from tests.support.cli import Result, Simulator, run, sent
 from tests.support.machine import System
@@ -205,7 +205,7 @@ def test_behind_a_boot_monitor_nothing_else_is_sent(state: str, tmp_path: Path) 
 
 
 def test_order_on_tcp_and_can() -> None:
-    every = list(SCANNED)
+    every = list(SCAN_ORDER)
     assert [step.family for step in plan("tcp", every, speeds=False)] == [
         "aidin",
         "ekso",

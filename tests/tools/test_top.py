@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from handctl.model.limits import Bound
+from handctl.model.command_settings import Settings
+from handctl.model.reading_limits import Bound
 from handctl.model.result import Journal, Row, Sample, Table
-from handctl.model.settings import Settings
-from handctl.screen.top_cards import Cards
+from handctl.screen.top_cards import TopCards
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 
@@ -77,10 +77,10 @@ class Context:
     journal, settings = Journal(), Settings()
 
 
-def cards(*samples: tuple[float, dict[str, Any]]) -> Cards:
+def cards(*samples: tuple[float, dict[str, Any]]) -> TopCards:
     limit = Bound("temperature", frozenset({"temperature"}), None, 60.0)
     table = Table(bounds=(limit,), flags=frozenset({"error"}))
-    view = Cards(Table(cards={name: lambda: table for name in ("a", "b", "c", "d")}), Context())  # type: ignore[arg-type]
+    view = TopCards(Table(cards={name: lambda: table for name in ("a", "b", "c", "d")}), Context())  # type: ignore[arg-type]
     for t, row in samples:
         view.add(Sample(t, (row,)))
     return view

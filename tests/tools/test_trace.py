@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.errors import UsageError
-from handctl.families import FAMILIES, TOLD
+from handctl.families import EXPLAIN_ORDER, FAMILIES
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.screen.render import dumps
-from handctl.tools import trace, trace_read
+from handctl.tools import trace, trace_reader
 from handctl.tools.trace import Given, parse_given
-from handctl.tools.trace_read import TranscriptReader, TranscriptRow, chosen, explainer_of, family_in, lines_of
+from handctl.tools.trace_reader import TranscriptReader, TranscriptRow, chosen, explainer_of, family_in, lines_of
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS
@@ -497,7 +497,7 @@ CHUNK = st.one_of(
 )  # fmt: skip
 
 
-@pytest.mark.parametrize("family", TOLD)
+@pytest.mark.parametrize("family", EXPLAIN_ORDER)
 @given(chunks=st.lists(st.tuples(st.booleans(), CHUNK), max_size=24))
 def test_garbage_is_told_and_nothing_is_lost(family: str, chunks: list[tuple[bool, bytes]]) -> None:
     lines = [f"{'>' if host else '<'} {data.hex(' ')}" for host, data in chunks]
@@ -513,7 +513,7 @@ def test_garbage_is_told_and_nothing_is_lost(family: str, chunks: list[tuple[boo
         row.as_row()
 
 
-@pytest.mark.parametrize("family", TOLD)
+@pytest.mark.parametrize("family", EXPLAIN_ORDER)
 @given(data=st.binary(min_size=1, max_size=80))
 def test_any_bytes_decode(family: str, data: bytes) -> None:
     assert b"".join(piece.raw for piece in explainer_of(family).decode(data)) == data
@@ -527,7 +527,7 @@ def test_any_can_frame_decodes(can_id: int, data: bytes, host: bool) -> None:
 
 
 def test_families_and_explainers_are_the_same() -> None:
-    assert set(TOLD) == set(FAMILIES)
+    assert set(EXPLAIN_ORDER) == set(FAMILIES)
     with pytest.raises(UsageError, match="not a device family"):
         explainer_of("glove")
 
@@ -537,8 +537,8 @@ def test_the_quick_json_of_a_row_is_that_of_the_row(kind: str, tmp_path: Path) -
     """It is written without an encoder: every key, and 1 and 1.0, as an encoder has them."""
     trace = tmp_path / "t.txt"
     run(kind, "dump", "-p", f"fake://{kind}?clock=virtual", "--trace", trace)
-    with trace_read.opened(str(trace)) as source:
-        rows = [*trace_read.TranscriptReader(kind).tell(trace_read.lines_of(source, "t"))]
+    with trace_reader.opened(str(trace)) as source:
+        rows = [*trace_reader.TranscriptReader(kind).tell(trace_reader.lines_of(source, "t"))]
     assert len(rows) > 2
     assert [row.as_json() for row in rows] == [dumps(row.as_row()) for row in rows]
 

@@ -14,11 +14,11 @@ import pytest
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.link.twin import values_of
+from handctl.link.twin_values import values_of
 from handctl.model.explainer import DEVICE, ExplainedBytes, Value
 from handctl.sim import create
 from handctl.sim.engine import serve
-from handctl.sim.engine.facts import Twin
+from handctl.sim.engine.facts_file import Twin
 from handctl.tools import twin
 from handctl.tools.twin import EQUAL, EXTRA, FORM, NONE, RATE, VALUES, Stream, simulated, verdict
 from tests.support.cli import Result, run

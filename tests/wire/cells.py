@@ -15,8 +15,8 @@ from pathlib import Path
 
 from handctl.families import FAMILIES
 from handctl.sim import model_class
-from handctl.sim.engine.can import CAN_FAULTS
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.can_line import CAN_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.contract.commands import ELSEWHERE, commands
 from tests.contract.facts import Facts, facts_of
 from tests.harm.lines import YES, examples

@@ -253,7 +253,7 @@ def add_map_verbs(
         You can start it before the device is switched on. Ctrl-C ends it, and a summary follows. --trace FILE keeps the bytes
         for `trace show` and -p replay:FILE. Exit code 4 means that not a single byte came.
         """
-        from handctl.tools.listen import listen as heard
+        from handctl.tools.listen_command import listen as heard
 
         return heard(run, count, duration, find_baud=find_baud)
 
@@ -268,7 +268,7 @@ def add_map_verbs(
         of which every line is checked before the first is sent. Ctrl-D ends the terminal and leaves the device as it is. Ctrl-C stops it
         if something was sent that may move it. --trace FILE keeps the bytes.
         """
-        from handctl.tools.terminal import terminal as typed
+        from handctl.tools.terminal_command import terminal as typed
 
         return typed(run, lines, wait, as_hex=as_hex)
 
@@ -277,9 +277,9 @@ def add_map_verbs(
 
         Never asks. Shows the bytes sent and the reply.
         """
-        from handctl.stop import command
+        from handctl.stop import stop_command
 
-        return command.stop(run)
+        return stop_command.stop(run)
 
     @scan_options
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:

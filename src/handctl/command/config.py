@@ -27,7 +27,7 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.fast_classes import fast_dataclass
 from handctl.files import NoFile, read
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 from handctl.wording import near
 
 Check = Callable[[Any], Any]

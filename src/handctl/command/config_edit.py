@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from handctl.command.config import Config, Statement, parse, read_config, statements
 from handctl.errors import OutputError, UsageError
 from handctl.files import atomic_write, writing
-from handctl.system import clock, locks
+from handctl.system import clock, file_locks
 
 WAIT_SECONDS = 5.0
 """For another handctl that is editing the same file."""
@@ -143,12 +143,12 @@ def verified(before: Config, text: str, wanted: Values, name: str) -> str:
 @contextlib.contextmanager
 def _alone(folder: str) -> Iterator[None]:
     """Hold the folder of the file, so that of two edits at once none is lost."""
-    descriptor = locks.folder(folder)
+    descriptor = file_locks.folder(folder)
     try:
         end = clock.now() + WAIT_SECONDS
         while True:
             try:
-                locks.whole(descriptor)
+                file_locks.whole(descriptor)
                 break
             except BlockingIOError as exc:
                 if clock.now() > end:

@@ -139,7 +139,7 @@ class Connection:
             kept.discard()
             link = opening(simulator={**kept.options(), **used})
         if run.keeps and not kept.path:
-            from handctl.system.folders import HINT
+            from handctl.system.user_folders import HINT
 
             run.journal.info(
                 "not-kept", f"the state of the simulated {kept.kind} is not saved: you own no folder for it", HINT

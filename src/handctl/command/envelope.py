@@ -217,9 +217,9 @@ def renamed(run: Invocation, error: HandctlError) -> HandctlError:
     """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
     if run.family is None or error.exit_code not in (4, 5):
         return error
-    from handctl.model import other_devices
+    from handctl.model import other_family_bytes
 
-    error = other_devices.renamed(error, run.family.kind)
+    error = other_family_bytes.renamed(error, run.family.kind)
     nobody = error.code in ("no-answer", "garbage") and not run.journal.counters.received and run.family.baud
     port = run.settings.port or ""
     advice = Hint("{} shows which device is there", f"scan -p {port}")
@@ -233,7 +233,7 @@ def interrupted(run: Invocation) -> HandctlError:
     stop = run.journal.still_moving()
     if stop is None:
         return Interrupted("interrupted")
-    from handctl.model.stop_sequence import stop_without_interrupts
+    from handctl.model.stop_on_interrupt import stop_without_interrupts
 
     return stop_without_interrupts(stop, run.prompts)
 

@@ -12,9 +12,9 @@ from handctl.fast_classes import NamedTuple
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
+    from handctl.model.command_settings import Settings
     from handctl.model.param import ParamMap
     from handctl.model.result import Journal, Table
-    from handctl.model.settings import Settings
 
 
 class Family(NamedTuple):
@@ -85,7 +85,7 @@ def refuse_missing(family: Family, given: Collection[str]) -> None:
 
 def refuse_serial(family: Family, link: str) -> None:
     """Raise UsageError for a serial port where this family has TCP only."""
-    from handctl.link.base import path_in
+    from handctl.link.link_interface import path_in
 
     if family.tcp_port is not None and not family.wires and (path_in(link) or link.startswith("usb:")):
         hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"

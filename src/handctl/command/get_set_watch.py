@@ -18,7 +18,7 @@ from handctl.model.result import Column, Grid, Journal, Row, Sample, Table
 if TYPE_CHECKING:
     from handctl.command.run import Run
     from handctl.model.device import Device
-    from handctl.model.limits import Bound, Named
+    from handctl.model.reading_limits import Bound, Named
 
 
 @lru_cache(256)
@@ -384,7 +384,7 @@ class Bounds:
 
     def __init__(self, limits: Sequence[Bound], until: Sequence[Bound], where: str, journal: Journal) -> None:
         self.limits = tuple(limits)
-        from handctl.model.limits import Watchdog
+        from handctl.model.reading_limits import Watchdog
 
         self._dog, self._end = Watchdog(limits), Watchdog(until)
         self._where, self._journal = where, journal
@@ -432,7 +432,7 @@ def bounds_of(
     """What --limit and --until give, None where neither is there. Raises UsageError, before anything is read for the command."""
     if not (limits or until):
         return None
-    from handctl.model.limits import bound_in
+    from handctl.model.reading_limits import bound_in
 
     if isinstance(named, ParamMap):
         params = meant(run, named, [text.partition("=")[0].strip() for text in (*limits, *until)])

@@ -24,9 +24,9 @@ from handctl.command.options import (
 from handctl.command.terminal_prompts import TerminalPrompts, print_message
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.files import why_unwritable
+from handctl.model.command_settings import Settings
 from handctl.model.result import Journal, Message
-from handctl.model.settings import Settings
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -167,7 +167,7 @@ class Invocation:
     @property
     def place(self) -> str:
         """Where the LINK leads, the same for all names of one port."""
-        from handctl.link.lock import canonical
+        from handctl.link.device_lock import canonical
 
         return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
 
@@ -239,7 +239,7 @@ def _check_columns(run: Invocation) -> None:
 
 
 def _let_pass(run: Invocation) -> None:
-    """No file and no format holds up a stop. What its family has to say is `stop.command.fall_back`."""
+    """No file and no format holds up a stop. What its family has to say is `stop.stop_command.fall_back`."""
     if run.settings.format == "openmetrics":
         run.settings = run.settings._replace(format="table")
     path = run.settings.output

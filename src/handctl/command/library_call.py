@@ -26,8 +26,8 @@ from handctl.model.result import Journal, Row
 if TYPE_CHECKING:
     from handctl.command.connection import Session
     from handctl.command.family import Family
+    from handctl.model.command_settings import Settings
     from handctl.model.param import Changes, Step
-    from handctl.model.settings import Settings
 
 Confirm = bool | Callable[[str, list[Row]], bool]
 """The answer to what asks: True, or who is asked, with the question and the steps that are going to be written."""

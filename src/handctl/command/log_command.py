@@ -20,10 +20,7 @@ from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, Usage
 from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table, name_of
 from handctl.model.sampling import Moment
-from handctl.record.marks import Heard, Marks
-from handctl.record.recording import (
-    Limits,
-    Loop,
+from handctl.record.csv_and_sidecar import (
     Recording,
     changed,
     file_name,
@@ -32,7 +29,9 @@ from handctl.record.recording import (
     refuse_existing,
     without_interrupts,
 )
-from handctl.record.source import Ended, RowsLayout, Sample, Source
+from handctl.record.marks import Heard, Marks
+from handctl.record.recording_loop import Limits, Loop
+from handctl.record.row_source import Ended, RowsLayout, Sample, Source
 from handctl.screen.csv_output import REMARKS, column_of, in_persons_unit, text_of
 from handctl.wording import plural
 

@@ -1,6 +1,6 @@
 """The options: those that every command, group and the root accept, those that several commands share, and their types.
 
-The level nearest the verb wins; `command.precedence` adds the environment and the configuration file.
+The level nearest the verb wins; `command.settings_precedence` adds the environment and the configuration file.
 """
 
 from __future__ import annotations

@@ -31,8 +31,8 @@ from handctl.command.options import FACTS
 from handctl.command.terminal_prompts import print_writes
 from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
+from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Journal, LineQuality, Table
-from handctl.model.settings import Settings
 from handctl.model.write_ledger import SENT
 from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
@@ -128,7 +128,7 @@ class Run(Invocation):
             self.opened.options = settings
             facts = {key: settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
             if facts:
-                from handctl.model.facts import words
+                from handctl.model.facts_file import words
 
                 self.journal.info("facts-used", words(facts, str(settings.facts)))
         return self.opened
@@ -332,10 +332,10 @@ class Run(Invocation):
         """Add what was written to the history, once, now that the device has been served. Never raises."""
         if not self.remembered and (self.journal.ledger.began or self.stopped is not None):
             self.remembered = True
-            from handctl.command import history
+            from handctl.command import write_history
 
             others = [run.link.name for run in self.others if run.link is not None]
-            history.keep(self, self.written, others, failure)
+            write_history.keep(self, self.written, others, failure)
 
     @property
     def written(self) -> list[dict[str, Any]]:

@@ -15,13 +15,13 @@ from typing import Any
 import click
 
 from handctl.command import snapshots
-from handctl.command.batch_and_shell import ScriptLine, line
+from handctl.command.command_lines import ScriptLine, parse_line
 from handctl.command.library_call import Call
 from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined
 from handctl.model.result import Column, Grid, Row, Sample, Table
-from handctl.model.stop_sequence import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.screen.render import default_view
 from handctl.stop.device_access import DeviceAccess, report
 from handctl.stop.stop_listener import STOP_SECONDS
@@ -76,7 +76,7 @@ def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
     return tuple(dict.fromkeys(names))
 
 
-class Each:
+class EachDevice:
     """The command on one device."""
 
     def __init__(self, name: str, one: ScriptLine) -> None:
@@ -135,7 +135,7 @@ class Each:
                 return LinkError("it is not connected: nothing was sent", hint=hint, code=NOT_STOPPED)
             clock.sleep(OPENING_SECONDS)
         assert self.line.leaf.family is not None
-        other = Each(self.name, line([self.line.leaf.family.kind, "stop", "-d", self.name], {}))
+        other = EachDevice(self.name, parse_line([self.line.leaf.family.kind, "stop", "-d", self.name], {}))
         other.work(lambda _name, _rows: None)
         said = [message.text for message in other.run.journal.messages if message.code == STOPPED]
         return other.run.outcome.failure or Interrupted(f"{who}: {' '.join(said)}", code=STOPPED)
@@ -162,7 +162,7 @@ class EveryAccess(DeviceAccess):
     A person who needs it has no time to choose, and the device that moves need not be the one that is shown.
     """
 
-    def __init__(self, run: Run, every: Callable[[], Sequence[Each]]) -> None:
+    def __init__(self, run: Run, every: Callable[[], Sequence[EachDevice]]) -> None:
         super().__init__(run, None)
         self.pressed_once = threading.Event()
         """From now on no device is connected again."""
@@ -173,7 +173,7 @@ class EveryAccess(DeviceAccess):
         found: dict[str, HandctlError] = {}
         self.pressed_once.set()
 
-        def stop(each: Each) -> None:
+        def stop(each: EachDevice) -> None:
             found[each.name] = each.stop(who)
 
         every = self._every()
@@ -194,26 +194,26 @@ class EveryAccess(DeviceAccess):
 class Several(Run):
     """The run that shows what the runs of all devices found."""
 
-    every: tuple[Each, ...] = ()
+    every: tuple[EachDevice, ...] = ()
 
     @property
     def simulated(self) -> bool:
         return bool(self.every) and all(each.run.simulated for each in self.every)
 
 
-def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
+def run_on_each(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
     """Run the command line `words` on each of the devices that it names. Raises HandctlError."""
     place, start, names = found
     if any(word in BY_THEMSELVES for word in words):
         begin = place if start else place - 1
-        one = line([*words[:begin], *words[place + 1 :], *names], {})
+        one = parse_line([*words[:begin], *words[place + 1 :], *names], {})
         one.leaf.invoke(one.context)
         return
     every = []
     for name in names:
         own = [word.replace(NAME, name) for word in words]
         own[place] = f"{start}{name}"
-        every.append(Each(name, line(own, {})))
+        every.append(EachDevice(name, parse_line(own, {})))
     first = every[0].line
     _check(words, every)
     alike = len({each.line.command for each in every}) == 1
@@ -226,7 +226,7 @@ def run(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -> None:
         whole.carry_out(lambda: _together(whole, every))
 
 
-def _check(words: Sequence[str], every: Sequence[Each]) -> None:
+def _check(words: Sequence[str], every: Sequence[EachDevice]) -> None:
     """Raise UsageError for what does not take several devices."""
     leaf = every[0].line.leaf
     if leaf.name not in TAKES or (leaf.writes and not leaf.stops):
@@ -262,10 +262,10 @@ def _check(words: Sequence[str], every: Sequence[Each]) -> None:
             )
 
 
-def _together(whole: Several, every: Sequence[Each]) -> Table:
+def _together(whole: Several, every: Sequence[EachDevice]) -> Table:
     came: queue.SimpleQueue[tuple[str, list[Row]] | None] = queue.SimpleQueue()
 
-    def work(each: Each) -> None:
+    def work(each: EachDevice) -> None:
         each.work(lambda name, rows: came.put((name, rows)))
         came.put(None)
 
@@ -292,7 +292,7 @@ def _compares(one: ScriptLine) -> bool:
     return one.leaf.name == "diff" and one.context.params["a"] is None
 
 
-def _compared(whole: Several, every: Sequence[Each]) -> Table:
+def _compared(whole: Several, every: Sequence[EachDevice]) -> Table:
     """What differs between the two devices."""
     failure, results = _failure(every), [each.result(with_rows=False) for each in every]
     if failure is not None:
@@ -304,7 +304,7 @@ def _compared(whole: Several, every: Sequence[Each]) -> Table:
     return table
 
 
-def _tell(whole: Several, every: Sequence[Each]) -> None:
+def _tell(whole: Several, every: Sequence[EachDevice]) -> None:
     """What each device had to say; JSON has it where it belongs."""
     for each in every if whole.settings.format not in ("json", "ndjson") else ():
         for message in each.run.journal.messages:
@@ -312,7 +312,7 @@ def _tell(whole: Several, every: Sequence[Each]) -> None:
 
 
 def _arrivals(
-    every: Sequence[Each], threads: Sequence[threading.Thread], came: queue.SimpleQueue[Any]
+    every: Sequence[EachDevice], threads: Sequence[threading.Thread], came: queue.SimpleQueue[Any]
 ) -> Generator[tuple[str, list[Row]], None, None]:
     """What the devices send, until all have ended. Left early, they end soon."""
     left = len(every)
@@ -335,7 +335,7 @@ def _arrivals(
 
 
 def _samples(
-    whole: Several, table: Table, every: Sequence[Each], arrivals: Iterable[tuple[str, list[Row]]]
+    whole: Several, table: Table, every: Sequence[EachDevice], arrivals: Iterable[tuple[str, list[Row]]]
 ) -> Iterator[Sample]:
     for name, rows in arrivals:
         yield Sample(rows[0].get("t", 0.0) if rows else 0.0, tuple({"device": name, **row} for row in rows))
@@ -343,7 +343,7 @@ def _samples(
     table.failure = _failure(every)
 
 
-def _columns(every: Sequence[Each]) -> tuple[Column, ...]:
+def _columns(every: Sequence[EachDevice]) -> tuple[Column, ...]:
     """The columns of all tables, those of one family as they are."""
     found: dict[str, Column] = {}
     for each in every:
@@ -352,7 +352,7 @@ def _columns(every: Sequence[Each]) -> tuple[Column, ...]:
     return tuple(found.values())
 
 
-def _merged(whole: Several, every: Sequence[Each]) -> Table:
+def _merged(whole: Several, every: Sequence[EachDevice]) -> Table:
     in_json = whole.settings.format in ("json", "ndjson")
     rows = whole.settings.format == "json"
     plain = next((each.table.plain for each in every if each.table.columns), ())
@@ -366,7 +366,7 @@ def _merged(whole: Several, every: Sequence[Each]) -> Table:
     )
 
 
-def _grids(every: Sequence[Each]) -> list[Grid]:
+def _grids(every: Sequence[EachDevice]) -> list[Grid]:
     """The tables of all devices; those with the same headings are one, with the device in front."""
     merged: dict[tuple[str, ...], Grid] = {}
     for each in every:
@@ -385,7 +385,7 @@ def _grids(every: Sequence[Each]) -> list[Grid]:
     return list(merged.values())
 
 
-def _failure(every: Sequence[Each]) -> HandctlError | None:
+def _failure(every: Sequence[EachDevice]) -> HandctlError | None:
     """What went wrong, device by device; its exit code is the highest."""
     failed = [(each.name, error) for each in every if (error := each.run.outcome.failure) is not None]
     if not failed:

@@ -15,7 +15,7 @@ from handctl.screen.sanitize import short, shown
 from handctl.wording import honest, sentence
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
     from handctl.model.write_ledger import Ledger
 
 
@@ -187,7 +187,7 @@ def print_stderr(text: str) -> None:
 
 def _unless_asked_to_end() -> None:
     """Print to stderr. After an interrupt a message never waits for its reader, because a device may have to be stopped."""
-    if interrupts.asked():
+    if interrupts.was_interrupted():
         interrupts.make_room(interrupts.waits(sys.stderr))
 
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from handctl import guides
-from handctl.docgen.completion import SHELLS
+from handctl.docgen.completion_scripts import SHELLS
 from handctl.docgen.guide_tables import filled
-from handctl.docgen.library import stub
-from handctl.docgen.man import guide, pages
-from handctl.docgen.tree import read_tree
+from handctl.docgen.library_stub import stub
+from handctl.docgen.man_pages import guide, pages
+from handctl.docgen.read_command_tree import read_tree
 
 
 def generate() -> dict[str, str]:

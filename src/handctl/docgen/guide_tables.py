@@ -9,9 +9,12 @@ import re
 from collections.abc import Callable, Iterable
 
 from handctl import guides
-from handctl.docgen.man import exit_codes
-from handctl.docgen.texts import LINKS, SYMPTOMS, VERBS, WORDS, exceptions
-from handctl.docgen.tree import Node
+from handctl.docgen.man_pages import exit_codes
+from handctl.docgen.man_sections import LINKS
+from handctl.docgen.promises import WORDS, exceptions
+from handctl.docgen.read_command_tree import Node
+from handctl.docgen.readme_commands import VERBS
+from handctl.docgen.readme_troubleshooting import SYMPTOMS
 from handctl.families import COMMANDS, FAMILIES
 from handctl.guides import Heading, Para
 

@@ -16,7 +16,17 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from handctl.errors import UsageError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, NoFrames, NoLink, RawAccess, Trouble
+from handctl.link.link_interface import (
+    ByteLink,
+    CanFrame,
+    Deadline,
+    FrameLink,
+    Link,
+    NoFrames,
+    NoLink,
+    RawAccess,
+    Trouble,
+)
 
 __all__ = [
     "ByteLink",

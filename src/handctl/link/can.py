@@ -16,7 +16,7 @@ from typing import Any
 import can
 
 from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, UsageError
-from handctl.link.base import CanFrame, Deadline, FrameLink, RawAccess, Trouble
+from handctl.link.link_interface import CanFrame, Deadline, FrameLink, RawAccess, Trouble
 from handctl.link.port_users import busy, refuse_held
 from handctl.link.slcan import (
     AGAIN_SECONDS,
@@ -29,7 +29,7 @@ from handctl.link.slcan import (
     SlcanBus,
     said_flags,
 )
-from handctl.system import clock, ports
+from handctl.system import clock, serial_ports
 from handctl.wording import plural
 
 BITRATE = 1_000_000
@@ -151,7 +151,9 @@ class CanLink(FrameLink):
         codec = {"socketcan": (_socketcan_frame, _socketcan_frames), "slcan": (_slcan_frame, _slcan_frames)}
         if self._raw_access is None and self._interface in codec:
             with contextlib.suppress(can.CanError, OSError, NotImplementedError, ValueError):
-                found = self._bus.fileno() if self._slcan is None else ports.raw_access(self._slcan.serialPortOrig)
+                found = (
+                    self._bus.fileno() if self._slcan is None else serial_ports.raw_access(self._slcan.serialPortOrig)
+                )
                 self._raw_access = None if found is None else RawAccess(found, *codec[self._interface])
         return self._raw_access
 
@@ -364,6 +366,6 @@ def _lock(link: str, port: str) -> int | None:
     """
     refuse_held(link, port)
     try:
-        return ports.lock(port)
+        return serial_ports.lock(port)
     except OSError as exc:
         raise busy(link, []) from exc

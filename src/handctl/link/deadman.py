@@ -35,9 +35,9 @@ from functools import partial
 from typing import NamedTuple
 
 from handctl.errors import LinkError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing
-from handctl.system import child, clock, descriptors
-from handctl.system.child import Job, WatchdogChild
+from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing
+from handctl.system import clock, descriptors, watchdog_process
+from handctl.system.watchdog_process import Job, WatchdogChild
 
 BOUND_SECONDS = 3.0
 """How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
@@ -63,7 +63,7 @@ def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0) ->
     child can be started: then nothing must be driven.
     """
     inside = link.fake or link.replayed
-    raw_access = None if inside or not child.can_be() else link.raw_access()
+    raw_access = None if inside or not watchdog_process.can_be() else link.raw_access()
     if not inside and raw_access is None:
         warn(
             "unguarded",
@@ -91,8 +91,8 @@ class Guard:
             tuple(held),
             heartbeat,
         )
-        self._heir: WatchdogChild | None = None
-        self._owed = b""
+        self._child: WatchdogChild | None = None
+        self._unsent = b""
         self._first: Sequence[EarlyWrite] = ()
         self._told = 0.0
 
@@ -105,55 +105,55 @@ class Guard:
     def update(self, first: Sequence[EarlyWrite], heartbeat: float | None = None) -> None:
         """From now on these go out before the stop, and this process may be silent for `heartbeat` seconds. Raises LinkError."""
         self._first, self._heartbeat = first, self._heartbeat if heartbeat is None else heartbeat
-        if self._heir is not None:
+        if self._child is not None:
             self._tell(self._message())
 
     def note_unfinished(self, rest: bytes) -> None:
         """A frame is half sent: `rest` is missing, and goes before the stop; b"" once it is out."""
         rest = rest if len(rest) <= LARGEST // 2 else b""  # no frame that drives anything is so long
-        if self._heir is not None and rest != self._owed:
-            self._owed = rest
+        if self._child is not None and rest != self._unsent:
+            self._unsent = rest
             self._tell(self._message())
 
     def _message(self) -> bytes:
-        return child.message(_pack(self._owed, self._first), self._heartbeat)
+        return watchdog_process.message(_pack(self._unsent, self._first), self._heartbeat)
 
     def disarm(self) -> None:
         """End the child before it sends anything, and wait for it. May be called twice."""
-        if self._heir is None:
+        if self._child is None:
             return
         if self._raw_access is not None:
             self._raw_access.note_unfinished = self._raw_access.before = nothing
-        with child.unsignalled():
+        with watchdog_process.unsignalled():
             self._end()
 
     def _watch(self) -> None:
         """Before a frame: the child must be there, and hears that its parent is. Raises LinkError, KeyboardInterrupt."""
-        if self._heir is None:
+        if self._child is None:
             return
-        state = child.state(self._heir)
+        state = watchdog_process.state(self._child)
         if state == "acts":
-            heir, self._heir = self._heir, None
-            child.finished(heir, BOUND_SECONDS)
-            child.ended(heir)
+            child_process, self._child = self._child, None
+            watchdog_process.finished(child_process, BOUND_SECONDS)
+            watchdog_process.ended(child_process)
             text = f"this command hung for more than {self._heartbeat:g} s, so the device was stopped"
             self._warn("stood-still", text, "")
             raise KeyboardInterrupt
         if state == "gone":
             self._replace()
         elif self._heartbeat and clock.now() - self._told > self._heartbeat / 10:
-            self._tell(child.PULSE)
+            self._tell(watchdog_process.PULSE)
 
     def _tell(self, message: bytes) -> None:
         self._told = clock.now()
         try:
-            assert self._heir is not None
-            os.write(self._heir.pipe, message)
+            assert self._child is not None
+            os.write(self._child.pipe, message)
         except OSError:  # it was killed, or it does not read
             self._replace()
 
     def _replace(self) -> None:
-        with child.unsignalled():
+        with watchdog_process.unsignalled():
             self._end()
         self._start()
 
@@ -161,20 +161,22 @@ class Guard:
         """Fork and wait until the child is ready, with signals blocked so that no child is lost."""
         raw_access = self._raw_access
         assert raw_access is not None
-        act = partial(_act, raw_access, self._stop)
+        act = partial(_stop_and_close, raw_access, self._stop)
         self._told = clock.now()
-        with child.unsignalled():
+        with watchdog_process.unsignalled():
             try:
-                self._heir = child.started(Job(raw_access.descriptor, self._held, act, self._message(), BOUND_SECONDS))
+                self._child = watchdog_process.started(
+                    Job(raw_access.descriptor, self._held, act, self._message(), BOUND_SECONDS)
+                )
             except OSError as exc:
                 raise _cannot(exc.strerror or str(exc)) from exc
-            except child.NotAlive as exc:
+            except watchdog_process.NotAlive as exc:
                 raise _cannot("the child ended at once") from exc
 
     def _end(self) -> None:
-        heir, self._heir = self._heir, None
-        if heir is not None:
-            child.ended(heir)
+        child_process, self._child = self._child, None
+        if child_process is not None:
+            watchdog_process.ended(child_process)
 
 
 def _cannot(why: str) -> LinkError:
@@ -188,7 +190,7 @@ def _cannot(why: str) -> LinkError:
 # -- what the child does -------------------------------------------------------------------------------------------------
 
 
-def _act(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
+def _stop_and_close(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
     with suppress(Exception):
         stop_in_child(raw_access, stop, message)
     with suppress(OSError):
@@ -197,9 +199,9 @@ def _act(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
 
 def stop_in_child(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
     """Complete the frame, send what goes first, and stop; an error of one does not keep the next from being done."""
-    owed, shots = _unpack(message)
+    unsent, shots = _unpack(message)
     link = RawBytes(raw_access) if raw_access.decode is None else RawFrames(raw_access)
-    for data, pause in (EarlyWrite(owed), *shots):
+    for data, pause in (EarlyWrite(unsent), *shots):
         with suppress(LinkError):
             link.put(data, link.deadline(BOUND_SECONDS))
         with suppress(LinkError):
@@ -289,8 +291,8 @@ class RawFrames(_Raw, FrameLink):
 # -- what the child is told: the frame's rest and the shots ----------------------------------------------------------------
 
 
-def _pack(owed: bytes, first: Sequence[EarlyWrite]) -> bytes:
-    parts = [len(owed).to_bytes(2, "big"), owed]
+def _pack(unsent: bytes, first: Sequence[EarlyWrite]) -> bytes:
+    parts = [len(unsent).to_bytes(2, "big"), unsent]
     for data, pause in first:
         parts += [len(data).to_bytes(2, "big"), round(pause * 1000).to_bytes(2, "big"), data]
     text = b"".join(parts)
@@ -300,10 +302,10 @@ def _pack(owed: bytes, first: Sequence[EarlyWrite]) -> bytes:
 
 def _unpack(text: bytes) -> tuple[bytes, list[EarlyWrite]]:
     size = int.from_bytes(text[:2], "big")
-    owed, text = text[2 : 2 + size], text[2 + size :]
+    unsent, text = text[2 : 2 + size], text[2 + size :]
     first = []
     while text:
         size, pause = int.from_bytes(text[:2], "big"), int.from_bytes(text[2:4], "big")
         first.append(EarlyWrite(text[4 : 4 + size], pause / 1000))
         text = text[4 + size :]
-    return owed, first
+    return unsent, first

@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble
+from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble
 from handctl.number_parsing import number_in
 from handctl.system import clock
-from handctl.system.folders import own_folder, private_folders
+from handctl.system.user_folders import own_folder, private_folders
 
 VIRTUAL_BEGAN = 1_767_225_600
 """Where the time of day begins on virtual time, unless the LINK says otherwise: 2026-01-01T00:00:00Z."""
@@ -69,7 +69,7 @@ class _Simulated(Link):
         kind, options = split_url(link)
         options.update(more)
         if "transcript" in options:
-            from handctl.link.twin import values_of
+            from handctl.link.twin_values import values_of
 
             options["values"] = values_of(kind, options.pop("transcript"))
         said = options.pop("clock", "real")

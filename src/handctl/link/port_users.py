@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from handctl.errors import LinkError
-from handctl.link.base import Link
-from handctl.system.ports import IN_SYS, held_by_name, holders_by_lsof, name_of
+from handctl.link.link_interface import Link
 from handctl.system.processes import is_ours
+from handctl.system.serial_ports import IN_SYS, held_by_name, holders_by_lsof, name_of
 
 ROOT = Path("/")
 

@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 from handctl.errors import LinkError, UsageError
 from handctl.files import transcript
-from handctl.link.base import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link
 from handctl.link.transcript import Entry, parse_line
 from handctl.system import clock
 

@@ -15,9 +15,9 @@ from typing import Any
 import serial
 
 from handctl.errors import Hint, LinkError, UsageError
-from handctl.link.base import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
+from handctl.link.link_interface import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
-from handctl.system import clock, ports
+from handctl.system import clock, serial_ports
 from handctl.system.waits import readable, writable
 from handctl.wording import plural
 
@@ -161,11 +161,11 @@ class SerialLink(ByteLink):
         if path and exclusive:
             refuse_held(link, path)
         try:
-            waits = 0.0 if ports.WAITED_FOR and not is_url else SLICE_SECONDS
+            waits = 0.0 if serial_ports.WAITED_FOR and not is_url else SLICE_SECONDS
             options: dict[str, Any] = {"baudrate": baud, "timeout": waits, "write_timeout": WRITE_SECONDS}
             if device.startswith("rfc2217://"):
                 options = {"baudrate": baud, "timeout": REMOTE_SECONDS}
-            elif path and ports.SHARED:
+            elif path and serial_ports.SHARED:
                 options["exclusive"] = exclusive
             self._port = serial.serial_for_url(device, **options)
         except (serial.SerialException, OSError) as exc:
@@ -184,7 +184,7 @@ class SerialLink(ByteLink):
                 port.set_low_latency_mode(True)
 
     def _descriptor(self) -> int | None:
-        return None if "://" in self._device else ports.descriptor(self._port)
+        return None if "://" in self._device else serial_ports.descriptor(self._port)
 
     def reopen(self) -> bool:
         """See Link. A URL leads to another program: what is lost there stays lost."""
@@ -295,7 +295,7 @@ class SerialLink(ByteLink):
 def raw_access_of(port: Any, device: str) -> RawAccess | None:
     """Where a second process can write to an open port of pyserial; None where the system gives it no descriptor."""
     telnet = device.startswith("rfc2217://")
-    found = ports.raw_access(getattr(port, "_socket", None) if telnet else port)
+    found = serial_ports.raw_access(getattr(port, "_socket", None) if telnet else port)
     return None if found is None else RawAccess(found, _telnet if telnet else None)
 
 
@@ -305,7 +305,7 @@ def _telnet(data: bytes, _can_id: int | None) -> bytes:
 
 
 def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageError:
-    number = ports.trouble(exc)
+    number = serial_ports.trouble(exc)
     if number == errno.EACCES:
         return LinkError(f"{link}: not permitted", hint=_permission_hint(device), code="not-permitted")
     if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
@@ -318,7 +318,7 @@ def _cannot_open(link: str, device: str, exc: Exception) -> LinkError | UsageErr
             hint="switch on the Bluetooth device and bring it near. Then run the command again",
             code="cannot-open",
         )
-    if number == errno.EIO and not ports.WAITED_FOR:
+    if number == errno.EIO and not serial_ports.WAITED_FOR:
         return LinkError(
             f"{link}: the driver of the port fails",
             hint=Hint(
@@ -347,8 +347,8 @@ def _ports_hint(link: str) -> str:
     scheme, _, rest = link.partition(":")
     if scheme.lower() in ("tcp", "socket") and rest and "://" not in link:
         return f"write {scheme.lower()}://HOST:PORT, such as tcp://{rest.lstrip('/') if ':' in rest else '192.168.1.20:8000'}"
-    present = ports.present(listed_ports)
-    if ports.foreign_name(link):
+    present = serial_ports.present(listed_ports)
+    if serial_ports.foreign_name(link):
         return f"{link} is a name from another system. `handctl ports` lists the serial ports of this computer"
     return (
         f"use one of {', '.join(present)}"

@@ -23,7 +23,7 @@ import can
 from can.interfaces.slcan import slcanBus
 
 from handctl.system import clock
-from handctl.system.ports import descriptor
+from handctl.system.serial_ports import descriptor
 from handctl.system.waits import readable, writable
 
 BEL = 7

@@ -7,7 +7,7 @@ import socket
 import struct
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.base import ByteLink, Deadline, RawAccess
+from handctl.link.link_interface import ByteLink, Deadline, RawAccess
 from handctl.number_parsing import number_in
 from handctl.system.waits import connect, readable, writable
 

@@ -23,7 +23,7 @@ from handctl import interrupts
 from handctl.errors import LinkError, OutputError, UsageError
 from handctl.files import at_once, writing
 from handctl.interrupts import handing_over
-from handctl.link.base import CanFrame, Deadline, FrameLink, Link
+from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
 
 L = TypeVar("L", bound=Link)
 DIRECTIONS = {">": "host", "<": "device"}
@@ -263,7 +263,7 @@ class TraceFile(TraceWriter):
 
     def write(self, line: str) -> None:
         """One line. Never raises: what stops a device passes here too; the failure ends up in the exit code."""
-        patience = 0.0 if interrupts.asked() else READER_SECONDS  # a stop waits for nobody
+        patience = 0.0 if interrupts.was_interrupted() else READER_SECONDS  # a stop waits for nobody
         if self._file is not None and self.failure is None:
             try:
                 if not interrupts.has_room(self._waits, patience):

@@ -25,9 +25,10 @@ from handctl.errors import (
 )
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
+from handctl.model.command_settings import Settings
 from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
-from handctl.model.settings import Settings
+from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
 from handctl.model.stop_sequence import (
     StopContext,
     Stopped,
@@ -36,7 +37,6 @@ from handctl.model.stop_sequence import (
     context_for_link,
     run_stop,
     stop_sequence_of,
-    stopped_by_ctrl_c,
 )
 from handctl.wording import plural
 

@@ -154,14 +154,14 @@ def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]
     if value is not None and "errors" in row:
         text = str(row.get("label") or text)
     if value is not None:
-        from handctl.model.limits import severity
+        from handctl.model.reading_limits import severity
 
         tone = ("good", "warn", "bad")[severity(abs(value), highest=measure.most)]
     return BarWithValue(bar, row, _share(outline, bar, at), text, "bad" if wrong or row.get("errors") else tone)
 
 
 def _value(row: Row) -> float | None:
-    from handctl.model.limits import shown_value
+    from handctl.model.reading_limits import shown_value
 
     return shown_value(row)
 

@@ -15,7 +15,7 @@ from handctl.fast_classes import NamedTuple
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Counters, Grid, Row, Table
-from handctl.model.stop_sequence import stopped_by_ctrl_c
+from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
 
 READ, WRITE_BACK, MOVE, PERMANENT = LEVELS = ("read", "write-back", "move", "permanent")
 """What an experiment does to the device at the most. `permanent` writes what cannot be put back, such as flash: it is asked for by name."""

@@ -15,7 +15,7 @@ from handctl.wording import honest, utc
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
-    from handctl.model.limits import Bound
+    from handctl.model.reading_limits import Bound
     from handctl.model.stop_sequence import Stopped
 
 

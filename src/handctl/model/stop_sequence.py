@@ -16,19 +16,18 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager, nullcontext
+from contextlib import nullcontext
 from itertools import groupby
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.model.command_settings import Settings
 from handctl.model.param import Step
-from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
-    from handctl.model.prompts import Prompts
     from handctl.model.write_ledger import Ledger
 
 WRITE_SECONDS = 1.0
@@ -105,8 +104,6 @@ class Stopped(NamedTuple):
 StopSequence = Generator[StopStep, Pieces, Stopped]
 
 
-NOT_STOPPED = "not-stopped"
-"""Code of the error of a command that was interrupted, and whose stop was not acknowledged."""
 HEARTBEAT_TIMEOUT = 0.5
 """Seconds for which a command may hang that drives what does not end by itself, such as currents."""
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
@@ -243,21 +240,6 @@ def context_for_link(link: Link, settings: Settings) -> StopContext:
     return StopContext(settings, can, None if can or not link.can_set_baud else link.baud)  # type: ignore[attr-defined]
 
 
-def ended_by_interrupt(error: HandctlError) -> bool:
-    """Whether this is the end of a command that was interrupted, however its stop ended."""
-    return error.exit_code == 130 or error.code == NOT_STOPPED
-
-
-def interrupt_error(stopped: Stopped, what: str = "") -> HandctlError:
-    """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
-    text = f"{what}{stopped.text}"
-    if stopped.error is None:
-        return Interrupted("interrupted", left=Aftermath(text, stopped.hint))
-    return stopped.error(
-        f"interrupted, but the stop has not been confirmed: {text}", hint=stopped.hint, code=NOT_STOPPED
-    )
-
-
 def _bytes(link: ByteLink, action: StopStep, pieces: Pieces, went: Callable[[], None]) -> None:
     if action.baud is not None and action.baud != link.baud:
         try:
@@ -314,66 +296,3 @@ def shown(sent: Sequence[Sent]) -> str:
     """What went out, without what only asked: ``03, 54 0D``; the same step several times running is counted."""
     found = with_repeat_counts(one for one in sent if not one.reads)
     return ", ".join(one.step.wire + (f" ({times} times)" if times > 1 else "") for one, times in found)
-
-
-# -- interrupts and lost links in the middle of a movement ----------------------------------------------------------
-
-
-AGAIN = Stopped(
-    "interrupted again while stopping the device", "switch the power off if the device still moves", NoAnswer
-)
-
-
-class WriteCounter(Protocol):
-    """The counters of a journal."""
-
-    writes: int
-
-
-@contextmanager
-def on_early_end(
-    left: Aftermath,
-    *,
-    since: WriteCounter | None = None,
-    by: type[HandctlError] = LinkError,
-    interrupt: bool = True,
-) -> Iterator[None]:
-    """Around steps that are not undone when they end early: add what is `left` to errors of the kind `by` and to Ctrl-C.
-
-    With `since`, the counters of the journal, only once a write was sent in here. Without `interrupt` somebody else
-    answers to Ctrl-C. Raises Interrupted.
-    """
-    before = since.writes if since is not None else 0
-    try:
-        yield
-    except KeyboardInterrupt as exc:
-        if not interrupt or (since is not None and since.writes == before):
-            raise
-        told = left if left.text else Aftermath(left.hint)  # there is no other text to stand behind
-        raise Interrupted("interrupted", left=told) from exc
-    except by as exc:
-        if since is None or since.writes > before:
-            exc.add_aftermath(left)
-        raise
-
-
-@contextmanager
-def stopped_by_ctrl_c(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> Iterator[None]:
-    """Around a movement: Ctrl-C stops it, without being interrupted, and reports the result. Raises Interrupted.
-
-    Where the stop was not acknowledged, what speaks against it is raised instead.
-    """
-    try:
-        yield
-    except KeyboardInterrupt as exc:
-        raise stop_without_interrupts(stop, prompts, what) from exc
-
-
-def stop_without_interrupts(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
-    """Stop the movement without being interrupted; returns the error that ends the command."""
-    with prompts.without_interrupts():
-        prompts.done()
-        try:
-            return interrupt_error(stop(), what)
-        except KeyboardInterrupt:
-            return interrupt_error(AGAIN, what)

@@ -13,7 +13,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from handctl.fast_classes import NamedTuple
-from handctl.model.decoder import Decoder, frames_in
+from handctl.model.frame_decoder import Decoder, frames_in
 
 if TYPE_CHECKING:
     from handctl.model.param import Step

@@ -9,7 +9,7 @@ from typing import Any
 
 from handctl.errors import UsageError
 from handctl.record.marks import Heard
-from handctl.record.source import Source
+from handctl.record.row_source import Source
 from handctl.system import clock
 
 MARKERS = "Markers"

@@ -9,7 +9,7 @@ from handctl.model.param import scale_of
 from handctl.model.result import Column, Row, name_of
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
     from handctl.screen.render import Context
 
     class Asked(Protocol):

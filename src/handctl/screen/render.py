@@ -24,7 +24,7 @@ from handctl.screen.sanitize import no_formula, shown, text_shown, utf8_stdout, 
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
 
     class Context(Protocol):
         """What rendering needs to know of the running command."""
@@ -241,10 +241,10 @@ def is_seen(how: str, sink: Sink, context: Context) -> bool:
 
 def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink: Sink, context: Context) -> None:
     if table.live and is_seen(how, sink, context):
-        from handctl.screen.live import View, watched
-        from handctl.screen.top_cards import Cards
+        from handctl.screen.live_view import View, watched
+        from handctl.screen.top_cards import TopCards
 
-        samples = watched((Cards if table.cards else View)(table, context), samples, context)
+        samples = watched((TopCards if table.cards else View)(table, context), samples, context)
         if sink.terminal:
             for _ in samples:
                 sink.samples += 1
@@ -445,7 +445,7 @@ def _grids(table: Table, sink: Sink, context: Context) -> None:
     grids = [grid.with_texts(shown) for grid in grids]
     mark = "simulated" if context.simulated else ""
     if sink.terminal or sink.color == "always":
-        from handctl.screen.tables import print_grids
+        from handctl.screen.terminal_tables import print_grids
 
         print_grids(grids, sink, mark)
         return

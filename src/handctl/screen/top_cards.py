@@ -8,9 +8,9 @@ from rich.text import Text
 
 from handctl.fast_classes import replace
 from handctl.model.result import Sample, Table
-from handctl.screen.live import View
+from handctl.screen.live_view import View
 from handctl.screen.sanitize import text_shown
-from handctl.screen.tables import flowing
+from handctl.screen.terminal_tables import flowing
 
 if TYPE_CHECKING:
     from handctl.screen.render import Context
@@ -19,7 +19,7 @@ WHOLE = 9
 """Lines from which on a card shows its device as a view of its own."""
 
 
-class Cards(View):
+class TopCards(View):
     """Several devices, each as a card of some lines, the one that needs a person first; or one of them whole."""
 
     def __init__(self, table: Table, context: Context) -> None:
@@ -70,7 +70,7 @@ class Cards(View):
         if self._shown and self._shown not in self._silent:
             return [Text(self._shown, style="bold"), *self._views[self._shown]._body(width, height - 1)]
         long = max(map(len, self._tables)) + 2
-        names = sorted(self._tables, key=lambda name: -self._rank(name))
+        names = sorted(self._tables, key=lambda name: -self.urgency(name))
         cards = [self._card(name, long, width) for name in names]
         heard = [name for name in names if name in self._views and name not in self._silent]
         quiet = sum(len(card) for name, card in zip(names, cards, strict=True) if name not in heard)
@@ -82,7 +82,7 @@ class Cards(View):
         lines = [line for card in cards for line in card]
         return lines if len(lines) <= height else [card[0] for card in cards]
 
-    def _rank(self, name: str) -> int:
+    def urgency(self, name: str) -> int:
         """3 = something is wrong, 2 = silent, 1 = near a limit, 0 = neither."""
         view = self._views.get(name)
         return 2 if name in self._silent or view is None else (0, 1, 3)[view.state]

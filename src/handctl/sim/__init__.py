@@ -16,7 +16,7 @@ TYPE_CHECKING = False  # the engine is loaded when a model is
 if TYPE_CHECKING:
     from typing import Any
 
-    from handctl.sim.engine.line import Line
+    from handctl.sim.engine.line_and_faults import Line
     from handctl.sim.engine.simulated_device import Model
 
 CLASSES = {"can": "CanDevice", "modbus-tcp": "TcpDevice"}
@@ -52,7 +52,7 @@ def model_class(kind: str, bus: str = "serial") -> type[Model]:
 
 def meaning_of(kind: str, fault: str) -> str:
     """What a device does under one of its faults, or one of its line."""
-    from handctl.sim.engine.line import LINE_FAULTS
+    from handctl.sim.engine.line_and_faults import LINE_FAULTS
 
     row = model_class(kind).FAULTS.get(fault) or LINE_FAULTS[fault]
     return row if isinstance(row, str) else str(row[1])
@@ -62,7 +62,7 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     """A simulated device at the end of a line, from the raw option strings of a fake:// link.
 
     A `CanLine` for the wrist with bus=can, otherwise a `Line`; for "bus" a client's end of the bus in the file of the
-    option `file`, which behaves as one of them. The options `facts` and `values` make it a twin (engine/facts.py). (Any in the signature is the `CanLine`: a caller that
+    option `file`, which behaves as one of them. The options `facts` and `values` make it a twin (engine/facts_file.py). (Any in the signature is the `CanLine`: a caller that
     never asks for one need not tell them apart.)
 
     Raises ValueError with one line of text (what is wrong, what is known) for an unknown kind, option or fault, for a
@@ -71,25 +71,25 @@ def create(kind: str, options: dict[str, str]) -> Line | Any:
     if kind == "bus":
         return importlib.import_module(f"{__name__}.bus").create(options)
     if "facts" in options or "values" in options:
-        options = importlib.import_module(f"{__name__}.engine.facts").Twin(kind, options).raw
+        options = importlib.import_module(f"{__name__}.engine.facts_file").Twin(kind, options).raw
     if options.get("bus") == "can" and "can" in getattr(folder_of(kind), "WIRES", ()):
-        from handctl.sim.engine.can import CanLine
+        from handctl.sim.engine.can_line import CanLine
 
         return CanLine(model_class(kind, "can"), options)
-    from handctl.sim.engine.line import Line
+    from handctl.sim.engine.line_and_faults import Line
 
     return Line(model_class(kind, options.get("bus", "serial")), options)
 
 
 def words_of_twin(kind: str, options: dict[str, str], values: tuple[list[str], list[str]]) -> str:
-    """What became of the facts and values of a device, see engine/facts.py; `values` are those of its `Line`."""
-    found: str = importlib.import_module(f"{__name__}.engine.facts").Twin(kind, options).words(values)
+    """What became of the facts and values of a device, see engine/facts_file.py; `values` are those of its `Line`."""
+    found: str = importlib.import_module(f"{__name__}.engine.facts_file").Twin(kind, options).words(values)
     return found
 
 
 def carries_frames(kind: str, options: dict[str, str]) -> bool:
     """Whether `create` gives a CAN bus; of a whole bus its file tells."""
     if kind == "bus":
-        found: bool = importlib.import_module(f"{__name__}.bus.file").on_can(options.get("file", ""))
+        found: bool = importlib.import_module(f"{__name__}.bus.bus_file").on_can(options.get("file", ""))
         return found
     return options.get("bus") == "can"

@@ -50,7 +50,7 @@ class _Command(click.Command):
             with formatter.section(title):
                 formatter.write_dl([(name, row if isinstance(row, str) else row[1]) for name, row in rows.items()])
         if self.name == "bus":
-            from handctl.sim.bus.file import EXAMPLE
+            from handctl.sim.bus.bus_file import EXAMPLE
 
             with formatter.section("Example of a file"):
                 for line in EXAMPLE.splitlines():
@@ -62,7 +62,7 @@ Sections = list[tuple[str, dict[str, Any]]]
 
 def _of_device(command: click.Command) -> Sections:
     """Its faults, and its options beyond those of the command line."""
-    from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS
+    from handctl.sim.engine.line_and_faults import LINE_FAULTS, LINE_OPTIONS
 
     kind, model = str(command.name), model_class(str(command.name))
     flags = {option for param in command.params for option in param.opts}
@@ -84,7 +84,7 @@ def _of_device(command: click.Command) -> Sections:
         there = model_class(kind, "modbus-tcp")
         sections.append(("Further faults with --modbus-tcp", new(there.FAULTS, model.FAULTS)))
     if "--slcan-pty" in flags:
-        from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS
+        from handctl.sim.engine.can_line import CAN_FAULTS, CAN_OPTIONS
         from handctl.sim.engine.slcan import ADAPTER_FAULTS
 
         on_can = {**new(CAN_OPTIONS, LINE_OPTIONS), **new(model_class(kind, "can").OPTIONS, model.OPTIONS)}
@@ -98,7 +98,7 @@ def _of_device(command: click.Command) -> Sections:
 
 def _of_bus() -> Sections:
     """What may stand in its file."""
-    from handctl.sim.bus.file import DEVICE_KEYS, LINE_KEYS, MASTER_KEYS, SAID
+    from handctl.sim.bus.bus_file import DEVICE_KEYS, LINE_KEYS, MASTER_KEYS, SAID
 
     return [
         ("Keys of [line]", LINE_KEYS),
@@ -249,7 +249,7 @@ def _serve(
     try:
         twin: Any = None
         if "facts" in raw or "values" in raw:
-            from handctl.sim.engine.facts import Twin
+            from handctl.sim.engine.facts_file import Twin
 
             twin = Twin(kind, raw)
             raw = twin.raw
@@ -318,7 +318,7 @@ def _bus(
         )
     if by_id is not None and not on_pty and not slcan_pty:
         raise click.UsageError("--by-id needs --pty or --slcan-pty")
-    from handctl.sim.bus.file import read
+    from handctl.sim.bus.bus_file import read
     from handctl.sim.engine import serve, slcan
 
     try:

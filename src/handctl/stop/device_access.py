@@ -14,8 +14,8 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
-    NOT_STOPPED,
     Sent,
     StopContext,
     Stopped,
@@ -31,7 +31,7 @@ from handctl.system import signals
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Deadline, Link
-    from handctl.link.lock import Lock
+    from handctl.link.device_lock import Lock
     from handctl.stop.stop_listener import StopListener
 
 MOST = 24
@@ -51,7 +51,7 @@ def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock 
     """
     if name.startswith("replay:") or (name.startswith("fake://") and not run.keeps):
         return None
-    from handctl.link.lock import InUse, hold
+    from handctl.link.device_lock import InUse, hold
 
     assert run.family is not None
     command = f"handctl {run.owner}"

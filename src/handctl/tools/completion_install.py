@@ -15,7 +15,7 @@ from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
 from handctl.files import atomic_write, writing
 from handctl.model.result import Column, Table
-from handctl.system.folders import config_folder, data_folder
+from handctl.system.user_folders import config_folder, data_folder
 
 PLACES: dict[str, tuple[Callable[[], str], str]] = {
     "bash": (data_folder, "bash-completion/completions/handctl"),
@@ -36,8 +36,8 @@ def cli(run: Run, shell: str, install: bool) -> Table:
 
     TAB then works without starting handctl: commands, options, choices and the names of quantities are in the script.
     """
-    from handctl.docgen.completion import SHELLS as WRITERS
-    from handctl.docgen.tree import read_tree
+    from handctl.docgen.completion_scripts import SHELLS as WRITERS
+    from handctl.docgen.read_command_tree import read_tree
 
     text = WRITERS[shell].script(read_tree())
     if not install:
@@ -73,7 +73,7 @@ def next_step(shell: str, path: Path) -> str:
 
 def _state(path: Path, text: str) -> str:
     """What installing does: "installed", "replaced" or "unchanged". Raises UsageError for a file that is not ours."""
-    from handctl.docgen.completion import MARK
+    from handctl.docgen.completion_scripts import MARK
 
     try:
         present = path.read_text(encoding="utf-8", errors="replace")

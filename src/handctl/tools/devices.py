@@ -20,16 +20,16 @@ from handctl.command.config import DEVICE_KEYS, NAME_HELP, Config, Device, is_na
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
 from handctl.command.options import COMMAND_LINE, InFile, Source, command_line, own_options
-from handctl.command.precedence import resolve
 from handctl.command.run import Run
+from handctl.command.settings_precedence import resolve
 from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import read_text
 from handctl.link import NoFrames, NoLink, is_can
-from handctl.link.base import SCHEMES
+from handctl.link.link_interface import SCHEMES
+from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Row, Table
-from handctl.model.settings import Settings
-from handctl.tools.probes import family_of
+from handctl.tools.family_probe import family_of
 
 MOST = 1_000_000
 """Characters of the output of a scan."""

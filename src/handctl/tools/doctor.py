@@ -21,20 +21,20 @@ from handctl.command.family import Family
 from handctl.command.options import reads_option
 from handctl.command.run import Run
 from handctl.errors import Interrupted, LinkError, UsageError
-from handctl.families import FAMILIES, SCANNED, WIRES
+from handctl.families import FAMILIES, SCAN_ORDER, WIRES
 from handctl.link import ByteLink, Deadline, Link
-from handctl.model.checks import Check, table_of
+from handctl.model.check_rows import Check, table_of
 from handctl.model.result import Journal, Table
 from handctl.system import advice
 from handctl.tools import ports as port_tool
 from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
+from handctl.tools.family_probe import family_of, has_speed, listened, probe_of, usual_ports, wire_of
 from handctl.tools.port_inventory import GRABBERS, Machine, Port, needed
-from handctl.tools.probes import family_of, has_speed, listened, probe_of, usual_ports, wire_of
+from handctl.tools.scan_link import LinkScan
 from handctl.tools.scan_report import Search, report
-from handctl.tools.scan_run import LinkScan
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
 
 
 PYTHON = (3, 10)
@@ -365,7 +365,7 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
     Leaves the port at the speed at which it was found. Raises LinkError.
     """
     search, was = Search(link.name), getattr(link, "baud", None)
-    LinkScan(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCANNED)
+    LinkScan(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCAN_ORDER)
     if isinstance(link, ByteLink):
         listened(link, link.deadline(LATE))  # answers that came too late are nobody's
     if search.rows:
@@ -382,7 +382,7 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
             text = f"something replies like {step.family}, but no reply is complete: {error.text}"
             return step.family, None, Check("device", "warning", text, error.hint)
     _set(link, was)
-    nobody = report([search], SCANNED, run.journal).failure
+    nobody = report([search], SCAN_ORDER, run.journal).failure
     assert nobody is not None
     return "", None, Check("device", "fail", nobody.text, nobody.hint)
 

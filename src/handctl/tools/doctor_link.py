@@ -17,10 +17,10 @@ from typing import Any
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.link.transcript import observed
-from handctl.model.checks import Check
+from handctl.model.check_rows import Check
 from handctl.model.result import SLOW, Journal, RoundTrips, hex_bytes
+from handctl.tools.family_probe import FamilyProbe
 from handctl.tools.port_inventory import Machine
-from handctl.tools.probes import FamilyProbe
 from handctl.wording import plural
 
 LISTEN = 0.3

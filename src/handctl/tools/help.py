@@ -68,16 +68,16 @@ def _text(words: list[str]) -> str:
     """The text of a topic. Raises UsageError if there is none."""
     name = words[0]
     if len(words) == 1:
-        from handctl.docgen import man
+        from handctl.docgen import man_pages
+        from handctl.docgen.read_command_tree import read_tree
         from handctl.docgen.roff import plain
-        from handctl.docgen.tree import read_tree
 
         if name == OPTIONS:
             return _options()
         if name in COMMANDS or name == "handctl":
-            return plain(man.one(read_tree(), name))
+            return plain(man_pages.one(read_tree(), name))
         if name in (guides := _guides()):
-            return plain(man.guide(guides[name][0]))
+            return plain(man_pages.guide(guides[name][0]))
     elif (context := _exists(words)) is not None:
         return context.get_help() + "\n"
     raise _unknown(words)

@@ -1,4 +1,4 @@
-"""`handctl history`: what was written to devices earlier, from the lines that `command.history` keeps. Opens no link."""
+"""`handctl history`: what was written to devices earlier, from the lines that `command.write_history` keeps. Opens no link."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 
 import click
 
-from handctl.command import history
+from handctl.command import write_history
 from handctl.command.command_tree import Command
 from handctl.command.config import read_config
 from handctl.command.options import COMMAND_LINE, WholeRange
@@ -100,7 +100,7 @@ def _chooser(device: str | None) -> Callable[[Row], bool]:
 
 def _rows(since: datetime | None) -> Iterator[Row]:
     """One row for each command."""
-    for entry in history.entries():
+    for entry in write_history.entries():
         if since is not None and _time(entry["time"]) < since:
             continue
         more, options = {key: value for key, value in entry["device"].items() if key != "fake"}, entry.get("options")
@@ -135,7 +135,7 @@ def _written(writes: list[Any], steps: Any) -> str:
 
 def _nothing() -> tuple[str, str]:
     """Why there is nothing to show, and what to do."""
-    where = history.folder()
+    where = write_history.folder()
     there = next(one for one in (where, *where.parents) if os.path.exists(one))  # what is not there yet is made
     why = why_unwritable(str(there / "x"))
     text = f"no write is recorded in {where}"

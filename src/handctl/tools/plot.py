@@ -23,7 +23,7 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.model.param import scale_of
 from handctl.model.result import PARTS, Column, Row, Table
-from handctl.record.recording import schema
+from handctl.record.csv_and_sidecar import schema
 from handctl.screen.csv_output import of_column
 from handctl.wording import near, plural
 

@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from handctl.link.port_users import Process, group_of, groups, holders, processes
-from handctl.system import ports
-from handctl.system.ports import Driver
+from handctl.system import serial_ports
 from handctl.system.processes import user_name
+from handctl.system.serial_ports import Driver
 
 CAN_TYPE = "280"
 """ARPHRD_CAN in /sys/class/net/*/type."""
@@ -108,14 +108,14 @@ class Machine:
     """
 
     root: Path = Path("/")
-    linux: bool = ports.IN_SYS
+    linux: bool = serial_ports.IN_SYS
     user: Callable[[], str] = user_name
     access: Callable[[Path], bool] = lambda path: os.access(path, os.R_OK | os.W_OK)
     run_ip: Callable[[], str] = _run_ip
     source: Callable[[str], str] = lambda address: source(address)  # noqa: PLW0108 - looked up when it is called
     listing: Callable[[], list[Any]] = _list_ports
-    driver: Callable[[str], Driver] = ports.driver_of
-    without_driver: Callable[[], list[tuple[str, str]]] = ports.without_driver
+    driver: Callable[[str], Driver] = serial_ports.driver_of
+    without_driver: Callable[[], list[tuple[str, str]]] = serial_ports.without_driver
 
     def at(self, path: str | Path) -> Path:
         """Where an absolute path lies below `root`."""
@@ -196,7 +196,7 @@ class Machine:
             driver=driver.name,
             product=product or "",
             chip=chip_of(link, driver.name, path),
-            held=tuple(holders(path, self.root)) if ports.held_by_name(path) else (),
+            held=tuple(holders(path, self.root)) if serial_ports.held_by_name(path) else (),
             latency_ms=driver.latency_ms,
         )
 

@@ -14,8 +14,8 @@ from handctl.command.run import Run
 from handctl.link.port_users import Process, group_remedy
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Table
 from handctl.system import advice
+from handctl.tools.family_probe import on_can
 from handctl.tools.port_inventory import CanInterface, Chip, Machine, Port
-from handctl.tools.probes import on_can
 
 BITRATE = 1_000_000
 """wrist §2.3."""

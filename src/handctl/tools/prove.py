@@ -17,11 +17,11 @@ from handctl.command.options import FiniteRange, InFile, WholeRange
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, UsageError
 from handctl.families import FAMILIES
-from handctl.model import facts
+from handctl.model import facts_file
 from handctl.model.param import Step
 from handctl.model.proofs import LEVELS, LISTED, PERMANENT, READ, Outcome, Proof, carry_out, table_of
 from handctl.model.result import Table
-from handctl.tools.probes import family_of, probe_of
+from handctl.tools.family_probe import family_of, probe_of
 
 DIFF = "diff"
 LISTS = "`--list --level permanent` lists all experiments, and --only names one"
@@ -69,7 +69,7 @@ def cli(
             raise UsageError(
                 "`handctl prove diff` compares two facts files", hint="give both: `handctl prove diff A B`"
             )
-        return facts.compared(*files)
+        return facts_file.compared(*files)
     if files:
         raise UsageError(f"{files[0]!r} is not expected here", hint="only `handctl prove diff A B` takes files")
     proofs = _chosen(what, level, only)
@@ -159,7 +159,7 @@ def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, ide
             failure = exc
             break
     run.prompts.done()
-    lost = facts.keep(path, device, outcomes, identify=identify) if path is not None and outcomes else None
+    lost = facts_file.keep(path, device, outcomes, identify=identify) if path is not None and outcomes else None
     table = table_of(outcomes, kind)
     table.failure = failure or lost
     return table

@@ -32,16 +32,16 @@ from handctl.command.command_tree import Command
 from handctl.command.options import scan_options
 from handctl.command.run import Run
 from handctl.errors import Hint, Interrupted, LinkError, UsageError
-from handctl.families import FAMILIES, SCANNED
+from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, Deadline, Link, is_can, open_link
-from handctl.link.lock import Lock, hold
+from handctl.link.device_lock import Lock, hold
 from handctl.link.transcript import TraceFile, TraceWriter, observed
 from handctl.model.result import Journal, Table
 from handctl.system import clock
+from handctl.tools.family_probe import probe_of, usual_ports, wire_of
 from handctl.tools.port_inventory import Machine
-from handctl.tools.probes import probe_of, usual_ports, wire_of
+from handctl.tools.scan_link import LinkScan, plan
 from handctl.tools.scan_report import Search, report
-from handctl.tools.scan_run import LinkScan, plan
 
 LONG = 1800.0
 """Bound for one port: all ids of a slow line with others on it take minutes."""
@@ -73,7 +73,7 @@ def cli(run: Run, links: tuple[str, ...], families: tuple[str, ...], ids: str | 
     skipped. With --all it tries everything, however long that takes.
     """
     settings = run.settings
-    wanted = tuple(family for family in SCANNED if not families or family in families)
+    wanted = tuple(family for family in SCAN_ORDER if not families or family in families)
     names = list(links) or ([settings.port] if settings.port else [])
     if settings.fake and not links:
         names = [f"fake://{family}" for family in wanted]

@@ -85,13 +85,13 @@ def cli(
     still run. On a terminal it asks for the complaint and before each step. `diff` compares two reports, and `-p replay:FILE.html`
     plays one. Exit code 7 means that something was found or could not be read.
     """
-    from handctl.tools.service_steps import Service, Wishes
+    from handctl.tools.service_steps import Service, ServiceOptions
 
     run.reach(link)
     if demo is None and (finding is not None or seed is not None):
         raise UsageError("--finding and --seed belong to --demo", hint="add --demo")
     run.said.include_ids = given["include_ids"]
-    wishes = Wishes(STEPS, reads=given.pop("count"), **given)
+    wishes = ServiceOptions(STEPS, reads=given.pop("count"), **given)
     if demo is not None:
         from handctl.tools.service_demo import practise
 

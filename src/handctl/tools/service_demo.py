@@ -12,15 +12,15 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
 from handctl.families import FAMILIES
 from handctl.link.fake import meaning_of
-from handctl.model.checks import FAIL, OK, SKIPPED, Check
+from handctl.model.check_rows import FAIL, OK, SKIPPED, Check
 from handctl.model.result import Row, Table
-from handctl.tools.service_steps import Service, Wishes, findings
+from handctl.tools.service_steps import Service, ServiceOptions, findings
 from handctl.wording import sentence
 
 MOST = 1_000_000
 
 
-def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes: Wishes) -> Table:
+def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes: ServiceOptions) -> Table:
     """One round. Raises UsageError for a finding that is none of the choices."""
     seed = random.randrange(MOST) if seed is None else seed
     draw = random.Random(seed)
@@ -40,7 +40,9 @@ def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes:
 class Demo(Service):
     """A service without a report, whose next step is found by the trainee first."""
 
-    def __init__(self, run: Run, kind: str, wishes: Wishes, task: tuple[str, int, tuple[str, ...], str | None]) -> None:
+    def __init__(
+        self, run: Run, kind: str, wishes: ServiceOptions, task: tuple[str, int, tuple[str, ...], str | None]
+    ) -> None:
         super().__init__(run, kind, wishes)
         self.fault, self.seed, self.faults, self.finding = task
         self.family = kind

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeVar
 import click
 
 from handctl.command import snapshots
-from handctl.command.batch_and_shell import line
+from handctl.command.command_lines import parse_line
 from handctl.command.family import map_of
 from handctl.command.library_call import Call
 from handctl.command.run import Run
@@ -30,11 +30,11 @@ from handctl.errors import (
     joined,
     reworded,
 )
-from handctl.families import SCANNED
+from handctl.families import SCAN_ORDER
 from handctl.files import PAGE_DATA, in_page, read_text
 from handctl.link.transcript import TraceWriter, observed
-from handctl.model.checks import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
-from handctl.model.checks import view as checks_view
+from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
+from handctl.model.check_rows import view as checks_view
 from handctl.model.param import ParamMap
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.report import DATA, RequestedOptions, Visit, refuse
@@ -63,7 +63,7 @@ NOTHING = "Nothing was found. Keep the report, and run the service again while t
 NO_STEP = "No finding has a next step of its own. Attach the report to the ticket."
 
 
-class Wishes(NamedTuple):
+class ServiceOptions(NamedTuple):
     """What was asked for, by the names of the options."""
 
     steps: Mapping[str, str]
@@ -117,7 +117,7 @@ def _whole(data: dict[str, Any]) -> bool:
 class Service:
     """One service: the rows of its steps, and what became of each step."""
 
-    def __init__(self, run: Run, kind: str | None, wishes: Wishes) -> None:
+    def __init__(self, run: Run, kind: str | None, wishes: ServiceOptions) -> None:
         self.run, self.kind, self.wishes = run, kind, wishes
         self.rows: list[Row] = []
         self.steps: dict[str, Row] = {}
@@ -269,7 +269,7 @@ class Service:
         self.step(FIND, self._found)
         run, family = self.run, self.run.family
         bad = [row for row in self.rows if row["status"] == FAIL]
-        params = map_of(family.kind) if family is not None and family.kind in SCANNED else None
+        params = map_of(family.kind) if family is not None and family.kind in SCAN_ORDER else None
         if bad or family is None or params is None:
             self.hints.setdefault(FIND, next((_step_of(row) for row in bad if row["remedy"]), ""))
             return
@@ -303,7 +303,7 @@ class Service:
         run = self.run
         names = free_ports(self.machine, run.journal)
         if len(names) > 1:
-            scan = Scan(run, [self.kind] if self.kind else SCANNED, None, False, None, run.settings.deadline)
+            scan = Scan(run, [self.kind] if self.kind else SCAN_ORDER, None, False, None, run.settings.deadline)
             found = [row for name in names for row in scan.look(name).rows]
             if not found:
                 text = f"no device on {', '.join(names)}"
@@ -414,11 +414,11 @@ class Service:
         if not words or self.ended is not None:
             return found
         try:
-            one = line(words, {})
+            one = parse_line(words, {})
             if one.leaf.family is not None and self.reached:
                 words += ["-d", run.settings.device] if run.settings.device else ["-p", run.link_name()]
                 words += ["--id", str(run.settings.id)] if run.settings.id is not None and one.leaf.family.ids else []
-                one = line(words, {})
+                one = parse_line(words, {})
         except (HandctlError, click.exceptions.Exit):
             return found
         found["command"] = shlex.join(["handctl", *words])

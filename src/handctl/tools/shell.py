@@ -1,12 +1,25 @@
-"""`handctl shell`: commands at a prompt, on one open link."""
+"""`handctl shell`: commands at a prompt, on links that stay open: a port that was lost is opened again by the next line."""
 
 from __future__ import annotations
 
+import contextlib
+import shlex
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
 import click
 
-from handctl.command.command_tree import Command
+from handctl.command.command_lines import options_for_lines, parse_line
+from handctl.command.command_tree import ALONE, Command, root
+from handctl.command.connection import Session
+from handctl.command.family import load, map_of
 from handctl.command.run import Run
-from handctl.families import FAMILIES
+from handctl.command.terminal_prompts import print_message
+from handctl.errors import HandctlError, Hint, UsageError
+from handctl.families import COMMANDS, FAMILIES
+from handctl.files import state_path
+from handctl.interrupts import end_on_signals
+from handctl.system import terminal
 
 
 @click.command("shell", cls=Command, writes=True)
@@ -18,6 +31,132 @@ def cli(run: Run, family: str | None) -> None:
     quantities, and the history is kept. `sleep S` waits S seconds. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
     Ctrl-D ends the shell.
     """
-    from handctl.command.batch_and_shell import shell
-
     shell(run, family or "")
+
+
+ENDS = ("exit", "quit")
+HISTORY = 1000
+"""Lines that are kept."""
+NAMING = ("get", "watch", "set", "describe")
+"""Commands whose words are quantities."""
+
+
+class Shell:
+    """One session at a prompt.
+
+    family  that a line may leave out, "" = each line has its own
+    given   the common options that hold for every line
+    """
+
+    def __init__(self, run: Run, family: str, read_line: Callable[[str], str]) -> None:
+        self._run = run
+        self._read_line = read_line
+        self._given = options_for_lines(run.context)
+        self.family = family or run.settings.kind or ""
+        self._session = Session(run.command, writes=True)
+
+    @property
+    def prompt(self) -> str:
+        """Device and link."""
+        settings = self._run.settings
+        link = settings.port or ("simulated" if settings.fake else "")
+        return f"{' '.join(filter(None, (settings.device or self.family, link))) or 'handctl'}> "
+
+    def run(self) -> None:
+        """Take lines until Ctrl-D or `exit`."""
+        run = self._run
+        path = state_path("shell-history")
+        with contextlib.suppress(OSError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+        editing = terminal.edit_lines(str(path), HISTORY, self.candidates)
+        run.prompts.say("Lines are commands without `handctl`. TAB completes them. Ctrl-D or `exit` ends.")
+        try:
+            while self._one():
+                pass
+        finally:
+            if editing:
+                terminal.keep_history(str(path))
+            failure = self._session.close(run.journal)
+        if failure is not None:
+            raise failure
+
+    def _one(self) -> bool:
+        """Take a line and carry it out; False at the end."""
+        end_on_signals(suspend=False)
+        try:
+            typed = self._read_line(self.prompt)
+        except EOFError:
+            self._run.out("")
+            return False
+        except KeyboardInterrupt:
+            stopped = self._session.stopped(self._run.journal)
+            print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", "")
+            return True
+        try:
+            words = shlex.split(typed, comments=True)
+        except ValueError as exc:
+            print_message("error", str(exc), "close the quote")
+            return True
+        if words[:1] == ["handctl"]:
+            del words[0]
+        if words[:1] and words[0] in ENDS:
+            return False
+        if words:
+            self.carry_out(words)
+        return True
+
+    def carry_out(self, words: Sequence[str]) -> None:
+        """Run one line; an error is shown, and the shell continues."""
+        try:
+            parse_line(self._whole(words), self._given).run(self._session, self._run.journal)
+        except click.exceptions.Exit:
+            return  # it asked for help
+        except HandctlError as exc:
+            if exc.text != "interrupted":
+                print_message("error", exc.text, exc.hint)
+        except click.ClickException as exc:
+            print_message("error", exc.format_message(), "")
+
+    def _whole(self, words: Sequence[str]) -> list[str]:
+        """The line with its family, where the shell knows that and the line leaves it out."""
+        first = next((word for word in words if not word.startswith("-")), "")
+        leave = not self.family or (first in COMMANDS and first != "stop") or first in root.in_lines
+        return list(words) if leave else [self.family, *words]
+
+    # -- completion --
+
+    def candidates(self, before: str, word: str) -> list[str]:
+        """What fits at the cursor: commands, then their quantities."""
+        words = before[: len(before) - len(word)].split()
+        with contextlib.suppress(HandctlError, click.ClickException):
+            return [f"{name} " for name in sorted(set(self._fitting(words))) if name.startswith(word)]
+        return []
+
+    def _fitting(self, words: Sequence[str]) -> Iterator[str]:
+        words = [name for name in words if not name.startswith("-")]
+        if not words:
+            yield from (name for name in COMMANDS if name not in ALONE)
+            yield from (*root.in_lines, *ENDS)
+        if self.family and (not words or words[0] not in COMMANDS):
+            words = [self.family, *words]
+        if not words or words[0] not in FAMILIES:
+            return
+        node: Any = load(words[0], "cli").cli
+        rest = list(words[1:])
+        while rest and isinstance(node, click.Group):
+            node = node.commands.get(rest.pop(0))
+        if isinstance(node, click.Group):
+            yield from node.commands
+        elif node is not None and node.name in NAMING and (params := map_of(words[0])) is not None:
+            for param in params:
+                yield param.name
+                yield from (f"{param.name}.{part}" for part in param.elements)
+
+
+def shell(run: Run, family: str) -> None:
+    """Open the prompt. Raises UsageError where nobody can type."""
+    if not run.prompts.interactive:
+        raise UsageError("the shell needs a terminal", hint=Hint("send the lines to {}", "batch"), code="no-terminal")
+    if run.settings.output:
+        raise UsageError("the shell writes to the terminal", hint="give -o in a line of it")
+    Shell(run, family, input).run()

@@ -12,7 +12,7 @@ import click
 
 from handctl.families import FAMILIES
 from handctl.link import fake
-from handctl.link.twin import values_of
+from handctl.link.twin_values import values_of
 from handctl.sim.cli import SimError, cli
 
 __all__ = ["cli"]

@@ -16,12 +16,12 @@ from handctl.command.family import load
 from handctl.command.options import NAMED, Source
 from handctl.command.run import Run
 from handctl.errors import HandctlError, Hint, UsageError
-from handctl.families import FAMILIES, SCANNED
+from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, open_link
-from handctl.link.lock import canonical, hold, last_family
+from handctl.link.device_lock import canonical, hold, last_family
 from handctl.model.result import Journal, Row, Table
-from handctl.system.folders import config_path
-from handctl.tools.probes import family_of, has_speed, probe_of, usual_ports, wire_of
+from handctl.system.user_folders import config_path
+from handctl.tools.family_probe import family_of, has_speed, probe_of, usual_ports, wire_of
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -37,11 +37,11 @@ def cli(run: Run) -> Table:
     If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
     was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
-    from handctl.stop import command
+    from handctl.stop import stop_command
 
     kind = _kind(run)
     run.family = load(kind, "cli").cli.family
-    return command.stop(run)
+    return stop_command.stop(run)
 
 
 def _kind(run: Run) -> str:
@@ -145,7 +145,7 @@ def _replying_family(run: Run, link: str) -> str:
 
 def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row | None:
     """The first row of a scan's questions, each family at its usual speed."""
-    from handctl.tools.scan_run import plan, port_of
+    from handctl.tools.scan_link import plan, port_of
 
     speeds = has_speed(link) and wire == "serial"
     bound = link.deadline(SECONDS)
@@ -153,7 +153,7 @@ def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row |
     done: set[str] = set()
     quiet = Journal()
     quiet.counters = journal.counters
-    for step in plan(wire, SCANNED, speeds, port_of(link.name) if wire == "tcp" else None):
+    for step in plan(wire, SCAN_ORDER, speeds, port_of(link.name) if wire == "tcp" else None):
         if step.family in done or bound.expired:
             continue
         done.add(step.family)

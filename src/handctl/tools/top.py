@@ -8,15 +8,15 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from handctl.command.batch_and_shell import line
+from handctl.command.command_lines import parse_line
 from handctl.command.command_tree import Command
 from handctl.command.config import read_config
 from handctl.command.get_set_watch import bounds_of
 from handctl.command.options import LIMIT, streaming
 from handctl.command.run import Run
-from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, Each, EveryAccess
+from handctl.command.several_devices import DEVICE, LEAVE_SECONDS, POLL_SECONDS, EachDevice, EveryAccess
 from handctl.errors import CheckFailed, UsageError, joined
-from handctl.model.limits import Bound, Watchdog
+from handctl.model.reading_limits import Bound, Watchdog
 from handctl.model.result import Column, Row, Sample, Table
 from handctl.system import clock
 
@@ -65,8 +65,8 @@ class _Watched:
         self.bounds: tuple[Bound, ...] = ()
         self.came = 0
 
-    def _begun(self) -> Each:
-        return Each(self.name, line(self._words, {}))
+    def _begun(self) -> EachDevice:
+        return EachDevice(self.name, parse_line(self._words, {}))
 
     def limits(self, text: str) -> tuple[Bound, ...]:
         """The limit for this device. Raises UsageError where it has no such quantity."""

@@ -20,7 +20,7 @@ from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Value
 from handctl.model.result import Cell, Column, Grid, Row, Sample, Table, hex_bytes
-from handctl.tools.trace_read import (
+from handctl.tools.trace_reader import (
     FAMILY_EVENT,
     Stamp,
     TranscriptReader,
@@ -270,7 +270,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
     Accepts EB 90, 0xEB,0x90, \\xEB\\x90, xxd output, a line of a transcript, or a CAN frame such as 11000001#04. `-` reads stdin.
     If a checksum is wrong, the correct one is shown too. Exit code 7 means that no frame is valid.
     """
-    from handctl.tools.probes import probe_of
+    from handctl.tools.family_probe import probe_of
 
     text = sys.stdin.read() if hex_bytes == ("-",) else " ".join(hex_bytes)
     explainer = explainer_of(family)

@@ -21,12 +21,12 @@ from handctl.fast_classes import fast_dataclass, field
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link, open_link
 from handctl.link.fake import FakeLink, split_url
 from handctl.link.transcript import Entry
-from handctl.link.twin import values_of
+from handctl.link.twin_values import values_of
 from handctl.model.explainer import DEVICE, ExplainedBytes
-from handctl.model.facts import read as read_facts
+from handctl.model.facts_file import read as read_facts
 from handctl.model.result import Cell, Column, Grid, RoundTrips, Row, Table
 from handctl.tools.trace import MOST_DIFFERENCES, Exchange, changes, compare, exchanges, family_option
-from handctl.tools.trace_read import CASE, TranscriptLine, TranscriptReader, TranscriptRow, chosen, lines_of, opened
+from handctl.tools.trace_reader import CASE, TranscriptLine, TranscriptReader, TranscriptRow, chosen, lines_of, opened
 
 SIMULATOR = "fake://"
 PATIENCE = 2.0

@@ -9,7 +9,7 @@ ROWS = (
     mistake(
         "aidin-homed-wherever-it-rested",
         "evidence believed",
-        "handctl.devices.aidin.procedures",
+        "handctl.devices.aidin.homing_and_bias",
         "_verdict",
         "if known and abs(way.share(way.rest)) <= AT_STOP:",
         "if known:",
@@ -18,7 +18,7 @@ ROWS = (
     mistake(
         "aidin-encoders-at-0-are-an-origin",
         "evidence believed",
-        "handctl.devices.aidin.procedures",
+        "handctl.devices.aidin.homing_and_bias",
         "_knows_origin",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in went) > len(went)",
         "return 2 * sum(abs(way.share(way.rest)) <= AT_STOP for way in ways) > 0",
@@ -27,7 +27,7 @@ ROWS = (
     mistake(
         "aidin-homed-while-it-moved",
         "evidence believed",
-        "handctl.devices.aidin.procedures",
+        "handctl.devices.aidin.homing_and_bias",
         "_verdict",
         "if not way.still:",
         "if not way:",
@@ -178,7 +178,7 @@ ROWS = (
     mistake(
         "aidin-check-of-a-hand-that-is-not-open",
         "evidence believed",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "_check_open",
         "if closed := [index for index, value in enumerate(encoders) if value > AT_STOP * stroke(index)]:",
         "if closed := [index for index, value in enumerate(encoders) if value > 2 * stroke(index)]:",
@@ -187,7 +187,7 @@ ROWS = (
     mistake(
         "aidin-check-pushes-on",
         "stop not sent",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "_Mover._go",
         "if pushing >= PUSHES:",
         "if pushing >= 1000:",
@@ -196,7 +196,7 @@ ROWS = (
     mistake(
         "aidin-check-lets-a-motor-run-away",
         "stop not sent",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "_Mover._check_course",
         "if not low <= at <= high:",
         "if at is None:",
@@ -205,7 +205,7 @@ ROWS = (
     mistake(
         "aidin-check-judges-by-old-currents",
         "stale input believed",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "_Mover._send",
         "for param in (CURRENT, JOINTS):",
         "for param in ():",
@@ -214,7 +214,7 @@ ROWS = (
     mistake(
         "aidin-check-says-back-of-a-hand-that-is-not",
         "evidence believed",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "check",
         "if mover.back and any(trip.moved(trip.index) for trip in trips if trip is not None):",
         "if any(trip.moved(trip.index) for trip in trips if trip is not None):",
@@ -223,7 +223,7 @@ ROWS = (
     mistake(
         "aidin-check-of-a-finger-that-somebody-moves",
         "evidence believed",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "_rest",
         "if restless := moving(first, encoders):",
         "if restless := []:",
@@ -232,7 +232,7 @@ ROWS = (
     mistake(
         "aidin-check-blames-motors-of-a-hand-that-did-nothing",
         "evidence believed",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "motors",
         "if not any(trip.others or trip.moved(trip.index) or trip.turned > TURNED or trip.current >= FLOWS for trip in made):",
         "if not made:",
@@ -241,7 +241,7 @@ ROWS = (
     mistake(
         "aidin-check-compares-no-current",
         "evidence believed",
-        "handctl.devices.aidin.check",
+        "handctl.devices.aidin.motor_and_sensor_check",
         "compared",
         "if 1 / UNEVEN <= trip.effort / usual <= UNEVEN:",
         "if True:",

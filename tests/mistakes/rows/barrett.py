@@ -7,15 +7,15 @@ LINE = "handctl.devices.barrett.gcl.line"
 LANGUAGE = "handctl.devices.barrett.gcl.codec"
 BLOCKS = "handctl.devices.barrett.realtime.blocks"
 FIRST_LIGHT = "handctl.devices.barrett.maintenance.first_light"
-HARM = "handctl.devices.barrett.maintenance.harm"
+HARM = "handctl.devices.barrett.maintenance.signs_of_harm"
 LIGHT = "tests/barrett/test_first_light.py::test"
-ANGLES = "handctl.devices.barrett.realtime.angles"
+ANGLES = "handctl.devices.barrett.realtime.joint_angles"
 
 ROWS = (
     mistake(
         "barrett-a-law-sees-the-change-with-the-wrong-sign",
         "false value",
-        "handctl.devices.barrett.realtime.laws",
+        "handctl.devices.barrett.realtime.control_laws",
         "Known.see",
         "self.feedback[index, name] = value * factors.get(name, 1)",
         'self.feedback[index, name] = value * factors.get(name, 1) * (-1 if name == "delta" else 1)',
@@ -70,7 +70,7 @@ ROWS = (
         "first-light-does-not-look-at-the-heat",
         "safety check missing",
         HARM,
-        "look",
+        "look_for_harm",
         "if now > limit:",
         "if False:",
         f"{LIGHT}_heat_in_the_middle_ends_the_run_behind_that_motor",
@@ -80,7 +80,7 @@ ROWS = (
         "safety check missing",
         FIRST_LIGHT,
         "FirstLight._objection",
-        'if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & health.NOT_INITIALIZED]:',
+        'if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & health_limits.NOT_INITIALIZED]:',
         "if lost := []:",
         f"{LIGHT}_nothing_moves_before_hi",
     ),
@@ -89,7 +89,7 @@ ROWS = (
         "safety check missing",
         HARM,
         "objections",
-        "return [*missing, *dict.fromkeys(one.evidence for one in health.settings(at) if one.status == FAIL)]",
+        "return [*missing, *dict.fromkeys(one.evidence for one in health_limits.settings(at) if one.status == FAIL)]",
         "return missing",
         f"{LIGHT}_a_harmful_setting_moves_nothing_even_where_its_step_is_skipped",
     ),
@@ -98,7 +98,7 @@ ROWS = (
         "safety check missing",
         HARM,
         "objections",
-        "absent = [name for name in health.NEEDED_TO_MOVE if any((name, motor) not in at for motor in MOTORS)]",
+        "absent = [name for name in health_limits.NEEDED_TO_MOVE if any((name, motor) not in at for motor in MOTORS)]",
         "absent: list[str] = []",
         f"{LIGHT}_a_harmful_setting_that_cannot_be_read_moves_nothing",
     ),
@@ -115,7 +115,7 @@ ROWS = (
         "first-light-goes-on-without-a-temperature",
         "no stop",
         HARM,
-        "look",
+        "look_for_harm",
         'raise SignOfHarm(text, hint=READ_AGAIN, code="hot" if shows_heat(exc) else "unread") from exc',
         "raise",
         f"{LIGHT}_a_sign_of_harm_ends_the_run",
@@ -159,7 +159,7 @@ ROWS = (
     mistake(
         "barrett-a-position-below-0-is-60000",
         "false value",
-        "handctl.devices.barrett.map",
+        "handctl.devices.barrett.parameter_map",
         "with_sign",
         "return below if position <= 65535 and -TRAVEL[index == 3] <= below else position",
         "return position",
@@ -196,7 +196,7 @@ ROWS = (
     mistake(
         "barrett-control-values-without-a-deadline",
         "no end",
-        "handctl.devices.barrett.realtime.schedule",
+        "handctl.devices.barrett.realtime.control_values",
         "Lines._chunk",
         "if not gives(descriptor, left):",
         "if not gives(descriptor, left) and self.begun:",
@@ -214,7 +214,7 @@ ROWS = (
     mistake(
         "realtime-stop-waits-for-a-late-answer",
         "stop not sent",
-        "handctl.devices.barrett.realtime.session",
+        "handctl.devices.barrett.realtime.enter_and_leave",
         "Session._go_out",
         "stands = self.stand(LATE_SECONDS)",
         "stands = self.stand()",
@@ -251,7 +251,7 @@ ROWS = (
     mistake(
         "barrett-death-ends-in-a-byte-of-its-own",
         "boot trigger",
-        "handctl.devices.barrett.realtime.session",
+        "handctl.devices.barrett.realtime.enter_and_leave",
         "Session.tell_dead_man",
         "zero += line.abort_bytes",
         "pass",
@@ -330,7 +330,7 @@ ROWS = (
     mistake(
         "realtime-window-guard-off",
         "range off by one",
-        "handctl.devices.barrett.map",
+        "handctl.devices.barrett.parameter_map",
         "implausible",
         "return not -BEYOND <= position <= TRAVEL[index == 3] + BEYOND",
         "return not -BEYOND <= position <= TRAVEL[index == 2] + BEYOND",
@@ -484,7 +484,7 @@ ROWS = (
     mistake(
         "care-tenths-of-degrees-for-degrees",
         "unit",
-        "handctl.devices.barrett.maintenance.health",
+        "handctl.devices.barrett.maintenance.health_limits",
         "_heat",
         'return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]  # fmt: skip',
         "return []",
@@ -493,7 +493,7 @@ ROWS = (
     mistake(
         "care-strain-limit-touched-is-not-beyond",
         "range off by one",
-        "handctl.devices.barrett.maintenance.health",
+        "handctl.devices.barrett.maintenance.health_limits",
         "_strain",
         "if (high < OFF and now >= high) or (low < OFF and now <= low):",
         "if (high < OFF and now > high) or (low < OFF and now < low):",
@@ -521,7 +521,7 @@ ROWS = (
     mistake(
         "realtime-a-law-sends-what-is-no-number",
         "false value",
-        "handctl.devices.barrett.realtime.laws",
+        "handctl.devices.barrett.realtime.control_laws",
         "Expression.value",
         'why = "the result is not a finite number"',
         "return 20.0",
@@ -530,7 +530,7 @@ ROWS = (
     mistake(
         "realtime-a-law-makes-a-gain-of-0",
         "out of range clamped",
-        "handctl.devices.barrett.realtime.laws",
+        "handctl.devices.barrett.realtime.control_laws",
         "Law.value",
         'return max(low if self.name == "velocity" else 1, min(high, round(self.expression.value(known))))',
         "return max(low, min(high, round(self.expression.value(known))))",
@@ -557,7 +557,7 @@ ROWS = (
     mistake(
         "realtime-a-recording-leaves-the-loop-late",
         "no stop",
-        "handctl.record.recording",
+        "handctl.record.recording_loop",
         "Loop.run",
         "self._source.ended()",
         "pass",

@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-BATCH = "handctl.command.batch_and_shell"
+BATCH = "handctl.command.command_lines"
 SESSION = "handctl.command.connection"
 
 ROWS = (
@@ -99,7 +99,7 @@ ROWS = (
     mistake(
         "batch-ends-as-the-last-failed-line",
         "wrong exit code",
-        BATCH,
+        "handctl.tools.batch",
         "_failure",
         "one, first = failed[0]",
         "one, first = failed[-1]",
@@ -135,7 +135,7 @@ ROWS = (
     mistake(
         "batch-goes-on-behind-a-failure",
         "swallowed error",
-        BATCH,
+        "handctl.tools.batch",
         "_run",
         "if error is not None and not (keep_going and error.exit_code != Interrupted.exit_code):",
         "if error is not None and error.exit_code == Interrupted.exit_code:",
@@ -144,7 +144,7 @@ ROWS = (
     mistake(
         "batch-asks-nothing",
         "missing question",
-        BATCH,
+        "handctl.tools.batch",
         "_confirmed",
         "if plan.question and not one.settings.yes and not one.settings.dry_run",
         "if plan.question and one.settings.yes and not one.settings.dry_run",
@@ -171,7 +171,7 @@ ROWS = (
     mistake(
         "history-fails-the-command",
         "a stop ends with an error because of a full disk",
-        "handctl.command.history",
+        "handctl.command.write_history",
         "keep",
         "with suppress(Exception):",
         "with suppress(KeyError):",
@@ -180,7 +180,7 @@ ROWS = (
     mistake(
         "history-has-simulated-writes",
         "a simulator's writes look like a device's",
-        "handctl.command.history",
+        "handctl.command.write_history",
         "keep",
         "if writes and kept != OFF and (kept == ALL or not simulated):",
         "if writes and kept != OFF:",
@@ -189,7 +189,7 @@ ROWS = (
     mistake(
         "history-deletes-all-but-the-last",
         "what was written is lost",
-        "handctl.command.history",
+        "handctl.command.write_history",
         "_append",
         "for old in numbers[: max(0, len(numbers) + 1 - KEPT)]:",
         "for old in numbers[: len(numbers) + 1 - KEPT]:",

@@ -71,7 +71,7 @@ ROWS = (
     mistake(
         "manual-page-without-own-options",
         LIES,
-        "handctl.docgen.man",
+        "handctl.docgen.man_pages",
         "_below",
         'own = [option for option in leaf.options if option not in known and "--help" not in option.names]',
         "own = []",

@@ -123,7 +123,7 @@ ROWS = (
     mistake(
         "ekso-memory-of-a-port",
         "one witness believed",
-        "handctl.devices.ekso.audit",
+        "handctl.devices.ekso.audit_log",
         "_counts",
         'if not (entry.get("simulated") or always.get("simulated")):',
         "if not entry:",
@@ -133,7 +133,7 @@ ROWS = (
     mistake(
         "ekso-memory-of-one-log",
         "one witness believed",
-        "handctl.devices.ekso.audit",
+        "handctl.devices.ekso.audit_log",
         "logs",
         "return own if file is None or clash(file, own.path) else AuditLog(Path(file), always, memory=own)",
         "return own if file is None or clash(file, own.path) else AuditLog(Path(file), always)",
@@ -152,7 +152,7 @@ ROWS = (
     mistake(
         "ekso-log-inches-are-centimetres",
         "unit",
-        "handctl.devices.ekso.log",
+        "handctl.devices.ekso.recording_source",
         "to_si",
         'return f"{quantity.name}_m", lambda number: f"{number * 254 / 10 ** (decimals + 4):.{decimals + 4}f}"',
         'return f"{quantity.name}_m", lambda number: f"{number * 254 / 10 ** (decimals + 2):.{decimals + 4}f}"',
@@ -161,7 +161,7 @@ ROWS = (
     mistake(
         "ekso-log-mark-breaks-the-row",
         "escapes let through",
-        "handctl.record.source",
+        "handctl.record.row_source",
         "clean",
         'return " ".join("".join(c if c.isprintable() else " " for c in text).split())',
         "return text",
@@ -170,7 +170,7 @@ ROWS = (
     mistake(
         "ekso-log-quotes-not-doubled",
         "escapes let through",
-        "handctl.record.source",
+        "handctl.record.row_source",
         "quoted",
         """return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\\r\\n') else text""",
         """return '"' + text + '"' if any(c in text for c in ',"\\r\\n') else text""",
@@ -198,7 +198,7 @@ ROWS = (
     mistake(
         "log-complete-although-lost",
         "evidence believed",
-        "handctl.record.recording",
+        "handctl.record.csv_and_sidecar",
         "Recording.missing",
         '"lost": self.lost > 0,',
         '"lost": False,',
@@ -207,7 +207,7 @@ ROWS = (
     mistake(
         "log-complete-although-the-disk-was-full",
         "evidence believed",
-        "handctl.record.recording",
+        "handctl.record.csv_and_sidecar",
         "Recording.missing",
         "ended: ended not in AS_ASKED,",
         "ended: False,",
@@ -216,7 +216,7 @@ ROWS = (
     mistake(
         "ekso-log-tick-half-a-period-late",
         "range off by one",
-        "handctl.record.recording",
+        "handctl.record.recording_loop",
         "Pace.wait",
         "if passed > self._next + 0.5:",
         "if passed > self._next + 5.5:",
@@ -225,7 +225,7 @@ ROWS = (
     mistake(
         "ekso-log-ends-by-silence-never",
         "deadline ignored",
-        "handctl.record.recording",
+        "handctl.record.recording_loop",
         "Loop.step",
         "if now - self._heard >= self._limits.silence or (bound is not None and now >= bound):",
         "if now - self._heard >= 100 * self._limits.silence or (bound is not None and now >= bound):",

@@ -28,7 +28,7 @@ ROWS = (
     mistake(
         "inspire-writes-to-what-shows-itself-in-part",
         "false identity",
-        "handctl.devices.inspire.hand.generation",
+        "handctl.devices.inspire.hand.detect_generation",
         "ModelGate._judge",
         "if found.in_part:",
         "if False:",
@@ -306,7 +306,7 @@ ROWS = (
     mistake(
         "save-result-the-other-way-round",
         "evidence believed",
-        "handctl.devices.inspire.procedures",
+        "handctl.devices.inspire.id_baud_save_reset",
         "_save",
         'if frame.data != b"\\x00":',
         'if frame.data == b"\\x00":',
@@ -315,7 +315,7 @@ ROWS = (
     mistake(
         "save-acknowledged-is-saved",
         "evidence believed",
-        "handctl.devices.inspire.procedures",
+        "handctl.devices.inspire.id_baud_save_reset",
         "_save",
         'return outcome(hand, register, "accepted", None)',
         'return outcome(hand, register, "saved", None)',
@@ -324,7 +324,7 @@ ROWS = (
     mistake(
         "errors-that-remain-are-no-failure",
         "wrong exit code",
-        "handctl.devices.inspire.procedures",
+        "handctl.devices.inspire.id_baud_save_reset",
         "clear_errors",
         "if bits & ~OVER_TEMPERATURE:",
         "if bits & ~0x1F:",
@@ -333,7 +333,7 @@ ROWS = (
     mistake(
         "id-of-another-hand-taken",
         "two hands with one id",
-        "handctl.devices.inspire.procedures",
+        "handctl.devices.inspire.id_baud_save_reset",
         "change_id",
         "if new_taken:",
         "if new_taken and not old_there:",
@@ -342,7 +342,7 @@ ROWS = (
     mistake(
         "id-change-believed-without-asking",
         "evidence believed",
-        "handctl.devices.inspire.procedures",
+        "handctl.devices.inspire.id_baud_save_reset",
         "_write_id",
         "if probe(bus, new):",
         "if bus:",
@@ -387,7 +387,7 @@ ROWS = (
     mistake(
         "hand-stop-is-refused-and-told-as-taken",
         "swallowed error",
-        "handctl.devices.inspire.stop_wires",
+        "handctl.devices.inspire.stop_requests",
         "Wire.writing.acknowledged",
         "return None if frame is None else TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED",
         "return None if frame is None else TAKEN",
@@ -459,7 +459,7 @@ ROWS = (
     mistake(
         "id-for-two-devices",
         "identity left out",
-        "handctl.devices.inspire.identity",
+        "handctl.devices.inspire.duplicate_id",
         "refuse_duplicate_id",
         'if seen.verdict == "two":',
         'if seen.verdict == "both":',
@@ -468,7 +468,7 @@ ROWS = (
     mistake(
         "two-kinds-asked-in-one-order",
         "evidence believed",
-        "handctl.devices.inspire.identity",
+        "handctl.devices.inspire.duplicate_id",
         "look_for_duplicate_id",
         "for order in (both, both[::-1]):  # a line that damages every n-th reply now damages both kinds",
         "for order in (both, both):",
@@ -486,7 +486,7 @@ ROWS = (
     mistake(
         "second-answer-not-heard",
         "identity left out",
-        "handctl.devices.inspire.identity",
+        "handctl.devices.inspire.duplicate_id",
         "_ask",
         "tally.twice += other != data",
         'tally.twice += other == b""',
@@ -540,7 +540,7 @@ ROWS = (
     mistake(
         "a-target-is-not-marked-as-moving",
         "question skipped",
-        "handctl.devices.inspire.map",
+        "handctl.devices.inspire.register_map",
         "",
         '_GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown", "acts": MOVES}',
         '_GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown"}',
@@ -549,7 +549,7 @@ ROWS = (
     mistake(
         "flood-is-answered-with-more-questions",
         "endless wait",
-        "handctl.devices.inspire.procedures",
+        "handctl.devices.inspire.id_baud_save_reset",
         "explain_silence",
         "if not isinstance(bus, SerialBus) or bus.link.replayed or len(error.came) > FLOOD:",
         "if not isinstance(bus, SerialBus) or bus.link.replayed:",

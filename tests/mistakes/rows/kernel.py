@@ -350,7 +350,7 @@ ROWS = (
     mistake(
         "serial-number-in-a-report",
         "secret shown",
-        "handctl.report",
+        "handctl.report.redaction",
         "Privacy.identity",
         "self._learn(known[key])",
         "continue",
@@ -359,7 +359,7 @@ ROWS = (
     mistake(
         "home-in-a-report",
         "secret shown",
-        "handctl.report",
+        "handctl.report.redaction",
         "Privacy.text",
         'text = _HOMES.sub(r"\\1(user)", text)',
         "pass",
@@ -368,7 +368,7 @@ ROWS = (
     mistake(
         "adapter-number-in-a-report",
         "secret shown",
-        "handctl.report",
+        "handctl.report.redaction",
         "Privacy.text",
         'text = _CALLOUT.sub(rf"\\1({REDACTED})", text)',
         "pass",
@@ -377,7 +377,7 @@ ROWS = (
     mistake(
         "private-bytes-in-a-report",
         "secret shown",
-        "handctl.report",
+        "handctl.report.redaction",
         "Privacy.transcript",
         'if not self.masks or not rest.startswith("<"):',
         'if not self.masks or not rest.startswith("< 00"):',

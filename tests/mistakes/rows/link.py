@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-LOCK = "handctl.link.lock"
+LOCK = "handctl.link.device_lock"
 
 ROWS = (
     mistake(
@@ -35,7 +35,7 @@ ROWS = (
     mistake(
         "lock-of-a-symbolic-link",
         "two locks",
-        "handctl.system.ports",
+        "handctl.system.serial_ports",
         "place",
         'return f"tty {os.major(found.st_rdev)}:{os.minor(found.st_rdev)}"',
         "return path",
@@ -63,7 +63,7 @@ ROWS = (
     mistake(
         "lock-of-another-way-to-a-port",
         "two locks",
-        "handctl.link.base",
+        "handctl.link.link_interface",
         "",
         'OF_A_PORT = ("spy", "alt", "cp2110")',
         'OF_A_PORT = ("spy",)',
@@ -92,7 +92,7 @@ ROWS = (
         "stop not sent",
         "handctl.link.deadman",
         "_pack",
-        'parts = [len(owed).to_bytes(2, "big"), owed]',
+        'parts = [len(unsent).to_bytes(2, "big"), unsent]',
         'parts = [(0).to_bytes(2, "big")]',
         "tests/link/test_deadman.py::test_messages_come_back_as_they_went",
     ),
@@ -144,7 +144,7 @@ ROWS = (
     mistake(
         "scan-monitor-hears-ff",
         "boot trigger",
-        "handctl.tools.scan_run",
+        "handctl.tools.scan_link",
         "plan",
         "if guard is not None:",
         "if guard is not None and port:",
@@ -153,7 +153,7 @@ ROWS = (
     mistake(
         "scan-asks-rtu-before-a-barrett-hand",
         "boot trigger",
-        "handctl.tools.scan_run",
+        "handctl.tools.scan_link",
         "LinkScan.at",
         "self._each([step for step in steps if step.family not in aside])",
         "self._each(steps)",
@@ -162,7 +162,7 @@ ROWS = (
     mistake(
         "scan-tells-not-what-it-left-out",
         "evidence believed",
-        "handctl.devices.inspire.scan_wire",
+        "handctl.devices.inspire.id_and_baud_search",
         "Scanner._pass",
         "self.left.append((speed, device_id))",
         "pass",

@@ -5,7 +5,7 @@ from tests.mistakes.table import mistake
 PROOFS = "handctl.model.proofs"
 OF_INSPIRE = "handctl.devices.inspire.proofs"
 OF_BARRETT = "handctl.devices.barrett.proofs"
-FACTS = "handctl.model.facts"
+FACTS = "handctl.model.facts_file"
 CHANGE = "tests/tools/test_prove.py::test_a_change_of_the_simulator_is_found"
 ODD = "tests/pins/test_faults.py::test_pins"
 BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
@@ -59,9 +59,9 @@ ROWS = (
     mistake(
         "ctrl-c-behind-the-loop-waits-for-the-end",
         "no stop",
-        "handctl.devices.barrett.realtime.aftermath",
+        "handctl.devices.barrett.realtime.motors_after_loop",
         "_LeftRunning._go_out",
-        "if interrupts.asked():",
+        "if interrupts.was_interrupted():",
         "if False:",
         "tests/tools/test_prove.py::test_ctrl_c_behind_the_loop_stops_at_once",
     ),
@@ -149,7 +149,7 @@ ROWS = (
     mistake(
         "a-proof-goes-on-after-a-refused-movement",
         "swallowed error",
-        "handctl.devices.barrett.maintenance.harm",
+        "handctl.devices.barrett.maintenance.signs_of_harm",
         "_between_looks",
         "if table.failure is not None:\n    raise table.failure",
         "hand.line.found()",
@@ -158,7 +158,7 @@ ROWS = (
     mistake(
         "facts-of-another-family-are-used",
         "another device",
-        "handctl.command.precedence",
+        "handctl.command.settings_precedence",
         "_take_facts",
         'if family is not None and family.kind != content["family"]:',
         "if family is not None and family.kind is None:",

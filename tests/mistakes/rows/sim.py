@@ -33,7 +33,7 @@ ROWS = (
     mistake(
         "both-sides-force-one-register-higher",
         "same mistake on both sides",
-        "handctl.devices.inspire.map",
+        "handctl.devices.inspire.register_map",
         "",
         '_s16(1582, "force_actual", "measured force, positive when the user closes the hand, negative when opening it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),',
         '_s16(1584, "force_actual", "measured force, positive when the user closes the hand, negative when opening it", "exo §2.3.10", low=-1000, high=1000, **_FIVE),',
@@ -43,7 +43,7 @@ ROWS = (
     mistake(
         "both-sides-wrist-angles-swapped",
         "same mistake on both sides",
-        "handctl.devices.inspire.map",
+        "handctl.devices.inspire.register_map",
         "",
         '_angle(1038, "yaw_set", "commanded yaw", _RANGE, YAW_RANGE, **_GO),\n_angle(1040, "pitch_set", "commanded pitch", _RANGE, PITCH_RANGE, **_GO),',
         '_angle(1038, "pitch_set", "commanded pitch", _RANGE, PITCH_RANGE, **_GO),\n_angle(1040, "yaw_set", "commanded yaw", _RANGE, YAW_RANGE, **_GO),',
@@ -52,7 +52,7 @@ ROWS = (
     mistake(
         "map-address-off-by-one",
         "address off by one",
-        "handctl.devices.inspire.map",
+        "handctl.devices.inspire.register_map",
         "Register.address_of",
         "return self.address + self.size * index",
         "return self.address + self.size * index + 1",
@@ -61,7 +61,7 @@ ROWS = (
     mistake(
         "map-register-off-by-one",
         "address off by one",
-        "handctl.devices.inspire.map",
+        "handctl.devices.inspire.register_map",
         "",
         '_u8(1606, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),',
         '_u8(1607, "error", "actuator error bits", "exo §2.3.12", bits=ERROR_BITS, **_FIVE),',
@@ -70,7 +70,7 @@ ROWS = (
     mistake(
         "map-error-bits-in-another-order",
         "same fact twice",
-        "handctl.devices.inspire.map",
+        "handctl.devices.inspire.register_map",
         "",
         'ERROR_BITS = ("locked_rotor", "over_temperature", "over_current", "motor_abnormal", "communication")',
         'ERROR_BITS = ("locked_rotor", "over_current", "over_temperature", "motor_abnormal", "communication")',
@@ -124,7 +124,7 @@ ROWS = (
     mistake(
         "sim-line-late-answer-in-time",
         "deadline ignored",
-        "handctl.sim.engine.line",
+        "handctl.sim.engine.line_and_faults",
         "Cable._due",
         'slow, late = SLOW if "slow" in reply.hits else 0.0, self.given["late"] if "late" in reply.hits else 0.0',
         'slow, late = SLOW if "slow" in reply.hits else 0.0, 0.0',
@@ -133,7 +133,7 @@ ROWS = (
     mistake(
         "sim-line-answers-before-the-last-bit",
         "deadline ignored",
-        "handctl.sim.engine.line",
+        "handctl.sim.engine.line_and_faults",
         "Line._hearing",
         "return count, first.end_of(first.sent + count)",
         "return count, first.start",

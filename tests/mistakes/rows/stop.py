@@ -11,7 +11,7 @@ ROWS = (
     mistake(
         "stop-key-of-several-beside-their-threads",
         "a thread that reads on takes the answers of the stop",
-        "handctl.link.base",
+        "handctl.link.link_interface",
         "Link.only_this_thread",
         "return method(*given) if get_ident() == mine else _interrupt()",
         "return method(*given)",
@@ -102,7 +102,7 @@ ROWS = (
     mistake(
         "stop-not-looked-at-again",
         "evidence believed",
-        "handctl.devices.inspire.stop_wires",
+        "handctl.devices.inspire.stop_requests",
         "seen_since",
         "told = yield from targets()",
         'return ""\ntold = yield from targets()',
@@ -120,7 +120,7 @@ ROWS = (
     mistake(
         "stop-pulse-of-a-slow-line-is-that-of-a-fast-one",
         "deadline ignored",
-        "handctl.devices.barrett.realtime.session",
+        "handctl.devices.barrett.realtime.enter_and_leave",
         "Session.tell_dead_man",
         "heartbeat = max(HEARTBEAT_TIMEOUT, 3 * self.cycle, 2 * self.patience)",
         "heartbeat = HEARTBEAT_TIMEOUT",
@@ -138,7 +138,7 @@ ROWS = (
     mistake(
         "stop-130-without-an-acknowledgement",
         "wrong exit code",
-        TALK,
+        "handctl.model.stop_on_interrupt",
         "interrupt_error",
         "if stopped.error is None:",
         "if stopped.text:",
@@ -184,7 +184,7 @@ ROWS = (
     mistake(
         "wrist-stop-refusal-told-as-success",
         "swallowed error",
-        "handctl.devices.inspire.stop_wires",
+        "handctl.devices.inspire.stop_requests",
         "Wire.writing.acknowledged",
         "return None if frame is None else TAKEN if frame.data == bytes([eb90.ACCEPTED]) else REFUSED",
         "return None if frame is None else TAKEN",
@@ -220,7 +220,7 @@ ROWS = (
     mistake(
         "stop-at-any-speed",
         "stop held up",
-        "handctl.stop.command",
+        "handctl.stop.stop_command",
         "fall_back",
         "if family.speeds and baud is not None and baud not in family.speeds:",
         "if baud is not None and not family.speeds:",
@@ -229,7 +229,7 @@ ROWS = (
     mistake(
         "stop-refused-for-an-id",
         "stop held up",
-        "handctl.stop.command",
+        "handctl.stop.stop_command",
         "_own",
         "_drop(run, dropped, error.text)",
         "raise error",
@@ -247,7 +247,7 @@ ROWS = (
     mistake(
         "stop-forgets-whose-device-it-was",
         "stop not sent",
-        "handctl.link.lock",
+        "handctl.link.device_lock",
         "Lock.release",
         '_write(descriptor, "\\n", self._family)',
         "os.ftruncate(descriptor, 0)",
@@ -256,7 +256,7 @@ ROWS = (
     mistake(
         "stop-kills-a-program-unasked",
         "killed unasked",
-        "handctl.stop.command",
+        "handctl.stop.stop_command",
         "_end",
         "asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0",
         "asking = 0.0",

@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-TWIN, VALUES, LINE = "handctl.tools.twin", "handctl.link.twin", "handctl.sim.engine.line"
+TWIN, VALUES, LINE = "handctl.tools.twin", "handctl.link.twin_values", "handctl.sim.engine.line_and_faults"
 HERE = "tests/tools/test_twin.py::"
 EQUAL = f"{HERE}test_only_the_same_bytes_are_equal"
 

@@ -16,13 +16,13 @@ from handctl.command.run import PlannedAction, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import exchange_settings_of
-from handctl.devices.aidin.map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
+from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
 from handctl.model.result import Journal
-from handctl.model.settings import Settings
 from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
 
 PORT = 8000
@@ -66,12 +66,12 @@ def home(run: Run) -> PlannedAction:
 
     Asks first. Ctrl-C stops the hand. Home the hand after every power-on, because its encoders are incremental.
     """
-    from handctl.devices.aidin import procedures
+    from handctl.devices.aidin import homing_and_bias
 
     return PlannedAction(
-        [_step(run, f"homing, every 20 ms for {procedures.HOLD:g} s with nothing else in between", Mode.HOMING)],
-        lambda hand: procedures.home(hand, run.prompts),
-        f"All fingers will OPEN for {procedures.HOLD:g} s and drop any held object. Keep clear",
+        [_step(run, f"homing, every 20 ms for {homing_and_bias.HOLD:g} s with nothing else in between", Mode.HOMING)],
+        lambda hand: homing_and_bias.home(hand, run.prompts),
+        f"All fingers will OPEN for {homing_and_bias.HOLD:g} s and drop any held object. Keep clear",
     )
 
 
@@ -79,11 +79,11 @@ def home(run: Run) -> PlannedAction:
 @ASSUME
 def initial(run: Run, assume_homed: bool) -> PlannedAction:
     """Open all fingers to the origin set by homing. Asks first. Ctrl-C stops the hand."""
-    from handctl.devices.aidin import procedures
+    from handctl.devices.aidin import homing_and_bias
 
     return PlannedAction(
         [_step(run, "initial position, every 20 ms until it is reached", Mode.INITIAL)],
-        lambda hand: procedures.initial(hand, run.prompts, assume_homed=assume_homed),
+        lambda hand: homing_and_bias.initial(hand, run.prompts, assume_homed=assume_homed),
         "All fingers will OPEN to their origin and drop any held object",
     )
 
@@ -91,9 +91,9 @@ def initial(run: Run, assume_homed: bool) -> PlannedAction:
 @cli.verb("bias", "Settings", writes=True)
 def bias(run: Run) -> PlannedAction:
     """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
-    from handctl.devices.aidin import procedures
+    from handctl.devices.aidin import homing_and_bias
 
-    return PlannedAction([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], procedures.bias)
+    return PlannedAction([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], homing_and_bias.bias)
 
 
 @cli.verb("max-torque", "Settings", writes=True)
@@ -104,7 +104,7 @@ def max_torque(run: Run, value: str) -> PlannedAction:
     700 to 1000 is recommended.
 
     It cannot be read back."""
-    from handctl.devices.aidin import procedures
+    from handctl.devices.aidin import homing_and_bias
 
     param = AIDIN["maxtorque"]
     number = int(param.parse(value))
@@ -112,7 +112,7 @@ def max_torque(run: Run, value: str) -> PlannedAction:
     if number < RECOMMENDED:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
     question = "Without torque the fingers do not move, and may drop a held object" if number == 0 else ""
-    return PlannedAction(steps, lambda hand: procedures.max_torque(hand, number), question)
+    return PlannedAction(steps, lambda hand: homing_and_bias.max_torque(hand, number), question)
 
 
 @cli.verb("check", "Service", writes=True, asks=True)
@@ -123,7 +123,7 @@ def check(run: Run) -> PlannedAction:
     Reads the sensors for 2 s at rest, then moves each motor by 4 % of its stroke. The table is as in `doctor`.
     The exit code is 7 if a check warns or fails.
     """
-    from handctl.devices.aidin import check as checking
+    from handctl.devices.aidin import motor_and_sensor_check as checking
 
     return PlannedAction(
         lambda: checking.plan(run.device, exchange_settings_of(run.settings).end),

@@ -11,14 +11,15 @@ from contextlib import AbstractContextManager, contextmanager
 from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
-from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
 from handctl.model.sampling import Moment
-from handctl.model.stop_sequence import StopContext, Stopped, interrupt_error, on_early_end
+from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
+from handctl.model.stop_sequence import StopContext, Stopped
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""

@@ -14,12 +14,12 @@ from typing import Any
 from handctl.devices.aidin import exchange_settings as table
 from handctl.devices.aidin.exchange_settings import FIND_OUT, ExchangeMode, ExchangeSettings
 from handctl.devices.aidin.json_codec import Decoder, MalformedObject, WrongNumbers, numbers
-from handctl.devices.aidin.map import FEEDBACK, AidinParam
+from handctl.devices.aidin.parameter_map import FEEDBACK, AidinParam
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
-from handctl.model.decoder import frames_in
 from handctl.model.device import OTHER_FORM, Gate, Line
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Element, Number
 from handctl.model.result import Journal, hex_bytes
 from handctl.model.sampling import Moment

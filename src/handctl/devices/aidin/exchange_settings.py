@@ -10,12 +10,12 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 from handctl.devices.aidin.json_codec import LARGEST_OUT, LONGEST_END, NEUTRAL, TERMINATORS
-from handctl.devices.aidin.map import AIDIN
+from handctl.devices.aidin.parameter_map import AIDIN
 from handctl.errors import UsageError
 from handctl.wording import plural
 
 if TYPE_CHECKING:
-    from handctl.model.settings import Settings
+    from handctl.model.command_settings import Settings
 
 DEEPEST = 8
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)

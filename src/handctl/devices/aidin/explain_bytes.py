@@ -14,7 +14,7 @@ import re
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 
 from handctl.devices.aidin.json_codec import BETWEEN, Decoder, MalformedObject, numbers
-from handctl.devices.aidin.map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
 from handctl.errors import ProtocolError
 from handctl.fast_classes import replace
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Part, Value, stray

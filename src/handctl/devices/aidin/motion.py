@@ -28,8 +28,8 @@ from handctl.devices.aidin.device import (
     stopped_on_error,
 )
 from handctl.devices.aidin.exchange import Feedback, Wire, values_of
-from handctl.devices.aidin.map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
-from handctl.devices.aidin.procedures import SHORT, check_homed, connect_or_command, named
+from handctl.devices.aidin.homing_and_bias import SHORT, check_homed, connect_or_command, named
+from handctl.devices.aidin.parameter_map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, UsageError
 from handctl.model import movement

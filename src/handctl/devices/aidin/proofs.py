@@ -10,14 +10,14 @@ from dataclasses import replace
 from itertools import pairwise
 from statistics import median
 
-from handctl.devices.aidin import motion, procedures
+from handctl.devices.aidin import homing_and_bias, motion
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import ALL, LISTEN
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
-from handctl.devices.aidin.map import AIDIN, ANGLES, ENCODERS, Target
+from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, ENCODERS, Target
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
-from handctl.model.decoder import frames_in
+from handctl.model.frame_decoder import frames_in
 from handctl.model.movement import ANY
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
@@ -233,7 +233,7 @@ def _homing_lasts(hand: AidinHand, prompts: Prompts) -> Observation:
     """Whether position commands still count in a connection in which the hand was not homed."""
     if not hand.conversation.reconnect(RECONNECT):  # asked before anything moves
         return Observation(None, "this link cannot be opened again")
-    homed = procedures.home(hand, prompts)
+    homed = homing_and_bias.home(hand, prompts)
     if homed.failure is not None and homed.failure.code != "homing-unproven":
         raise homed.failure
     before = _went(hand, ENCODERS, f"{MOTOR}={NEAR_COUNTS}", prompts)
@@ -248,7 +248,7 @@ def _homing_lasts(hand: AidinHand, prompts: Prompts) -> Observation:
 
 def _coupled_range(hand: AidinHand, prompts: Prompts) -> Observation:
     """q4 of the index finger at both ends of its q3."""
-    procedures.check_homed(hand, assume=None)
+    homing_and_bias.check_homed(hand, assume=None)
     low, high = AIDIN["joint_pos"].limit(INDEX_Q3) or (0.0, 0.0)
     ends = []
     for place in (low, high):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.aidin.map import FINGERS
+from handctl.devices.aidin.parameter_map import FINGERS
 from handctl.errors import Hint
 from handctl.model.device_picture import Measure, Outline, Remedy, hand
 

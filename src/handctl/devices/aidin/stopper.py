@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, encode, numbers
-from handctl.devices.aidin.map import AIDIN, Mode
+from handctl.devices.aidin.parameter_map import AIDIN, Mode
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
-from handctl.model.decoder import frames_in
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
 

@@ -17,30 +17,20 @@ from handctl.command.options import ALWAYS, InFile, WholeRange
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
-from handctl.devices.barrett.gcl.codec import (
-    COMMANDS,
-    ERRORS,
-    KINDS,
-    SPEED,
-    explain_status,
-    hint_for,
-    kind_of,
-    motor_prefix,
-    motors_of,
-    split_status,
-)
+from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, SPEED, kind_of, motor_prefix, motors_of
 from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, hint_for, split_status
 from handctl.devices.barrett.maintenance.cli import add_care_commands
-from handctl.devices.barrett.map import BARRETT, BAUD_CODES, SPEEDS, check_careful
+from handctl.devices.barrett.parameter_map import BARRETT, BAUD_CODES, SPEEDS, check_careful
 from handctl.devices.barrett.realtime.cli import add_realtime
-from handctl.devices.barrett.views import GCL, row_of
+from handctl.devices.barrett.status_and_parameter_views import GCL, row_of
 from handctl.errors import Hint, UsageError
 from handctl.files import read_text
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Journal, Table
-from handctl.model.settings import Settings
 
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
@@ -63,7 +53,7 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
     )
 
     def count_save() -> None:
-        from handctl.devices.barrett.eeprom import Ledger
+        from handctl.devices.barrett.eeprom_saves import Ledger
 
         Ledger(hand, simulated=link.fake).count_unknown()
 
@@ -172,7 +162,7 @@ def version(run: Run) -> Table:
 @click.argument("code", required=False, type=WholeRange(0, 1 << 32))
 def errors(run: Run, code: int | None) -> Table:
     """Explain status codes as the manual does. CODE can be a sum. Needs no device."""
-    codes = sorted(ERRORS) if code is None else split_status(code)
+    codes = sorted(STATUS_CODES) if code is None else split_status(code)
     rows = [{"code": bit, "meaning": explain_status(bit), "next": hint_for(bit) if bit else ""} for bit in codes or [0]]
     columns = (Column("code", "Code", right=True), Column("meaning", "Meaning"), Column("next", "Next step"))
     return Table(rows=rows, columns=columns)
@@ -241,7 +231,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
 
     The hand and the port switch together. handctl then reads the baud rate back.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
 
     if rate is None:
         run.only_reads("a baud rate")
@@ -256,7 +246,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
     more = " and will also start with it" if save_too else ""
 
     def change(hand: BarrettHand) -> Table:
-        ledger = eeprom.Ledger(hand, simulated=run.simulated) if save_too else None
+        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if save_too else None
         readings = hand.write([(BARRETT.elements("BAUD")[0], code)])
         if ledger is not None:
             hand.do("PSAVE")
@@ -299,7 +289,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
     A refused line ends the script. Without arguments, handctl opens a prompt on a terminal, or reads a script from stdin. The prompt has history,
     completion for commands and parameters, and ?NAME for help.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
     from handctl.devices.barrett.gcl import passthrough
 
     if path is not None and commands:
@@ -333,7 +323,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
         run.journal.info("delays", f"handctl waits {seconds:g} s in all between the commands ({at})")
 
     def send(hand: BarrettHand) -> Table:
-        ledger = eeprom.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
+        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
         table = passthrough.run_all(hand, lines, keep_going=keep_going)
@@ -417,7 +407,7 @@ def stop(run: Run, motors: str | None) -> Table:
     """
     from handctl.devices.barrett import motion
     from handctl.devices.barrett.stopper import power_off
-    from handctl.stop import command as emergency
+    from handctl.stop import stop_command as emergency
 
     prefix = prefix_of(motors)
     return emergency.stop(
@@ -459,13 +449,13 @@ def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
     The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
     only the settings of those motors are saved (123FSAVE), and the saved hand settings stay the same.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
 
     def keep(hand: BarrettHand) -> Table:
         if motors is None:
             (code,) = hand.numbers(BARRETT.elements("BAUD"))
             _refuse_to_keep(code, force)
-        return eeprom.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
+        return eeprom_saves.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
 
     return _sends(_saves(motors), keep)
 
@@ -479,7 +469,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
 
     The baud rate is written last.
     """
-    from handctl.devices.barrett import eeprom
+    from handctl.devices.barrett import eeprom_saves
 
     def check(changes: Sequence[tuple[Element, Number]]) -> None:
         for objection in check_careful(changes, force):
@@ -501,7 +491,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
 
     def write(hand: BarrettHand) -> Table:
         table = act.do(hand)
-        eeprom.save(hand, force=True, simulated=run.simulated)
+        eeprom_saves.save(hand, force=True, simulated=run.simulated)
         return table
 
     steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731

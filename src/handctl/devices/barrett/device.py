@@ -9,21 +9,11 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import product
 from types import MappingProxyType
 
-from handctl.devices.barrett.gcl.codec import (
-    CR,
-    KINDS,
-    Answer,
-    batches,
-    encode,
-    explain_status,
-    hint_for,
-    kind_of,
-    shows_heat,
-    values,
-)
+from handctl.devices.barrett.gcl.codec import CR, KINDS, Answer, batches, encode, kind_of, values
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
-from handctl.devices.barrett.views import (
+from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for, shows_heat
+from handctl.devices.barrett.parameter_map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
+from handctl.devices.barrett.status_and_parameter_views import (
     GCL,
     LABEL,
     MOTOR,

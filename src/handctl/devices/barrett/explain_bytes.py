@@ -33,7 +33,6 @@ from handctl.devices.barrett.gcl.codec import (
     Answer,
     Command,
     Decoder,
-    explain_status,
     has_prompt,
     kind_of,
     motor_prefix,
@@ -42,7 +41,8 @@ from handctl.devices.barrett.gcl.codec import (
     values,
 )
 from handctl.devices.barrett.gcl.connect_table import FILL, LOOPED, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.map import BARRETT, GclParam
+from handctl.devices.barrett.gcl.status_codes import explain_status
+from handctl.devices.barrett.parameter_map import BARRETT, GclParam
 from handctl.devices.barrett.realtime.blocks import (
     ACKNOWLEDGE,
     CONTROL,

@@ -9,17 +9,10 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.codec import (
-    MOTORS,
-    OVER_TEMPERATURE,
-    Answer,
-    encode,
-    explain_status,
-    hint_for,
-    motor_prefix,
-)
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
-from handctl.devices.barrett.views import MOTOR, NOT_HOMED, row_of, why_impossible
+from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix
+from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status, hint_for
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
+from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, failure_of_arrivals
 from handctl.model.param import Step

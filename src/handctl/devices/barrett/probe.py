@@ -14,7 +14,7 @@ from handctl.devices.barrett.gcl.codec import has_prompt, values
 from handctl.devices.barrett.gcl.connect_table import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.gcl.session_start import comes_back
-from handctl.devices.barrett.map import SPEEDS as SPEEDS
+from handctl.devices.barrett.parameter_map import SPEEDS as SPEEDS
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.result import Journal, Row, hex_bytes

@@ -10,7 +10,7 @@ from functools import partial
 
 from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
-from handctl.devices.barrett.map import BARRETT, NO_GAUGE, standard
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, standard
 from handctl.errors import Hint, NotPresent
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
@@ -136,7 +136,7 @@ def _sign(hand: BarrettHand) -> Observation:
 
 def _at_stop(hand: BarrettHand, prompts: Prompts) -> Observation:
     """How F1 prints its position at the open stop, IOFF counts below the origin. Raises what the movement ends with."""
-    from handctl.devices.barrett.maintenance.harm import driven
+    from handctl.devices.barrett.maintenance.signs_of_harm import driven
 
     driven(hand, "1", "IC", AWAY, prompts)
     away = _numbers(hand, "P")[0]
@@ -217,7 +217,7 @@ def _after_loop_steps(_: BarrettHand) -> list[Step]:
 
 
 def _after_loop(hand: BarrettHand, prompts: Prompts) -> Observation:
-    from handctl.devices.barrett.realtime.aftermath import motors_after_loop
+    from handctl.devices.barrett.realtime.motors_after_loop import motors_after_loop
 
     return motors_after_loop(hand, prompts)
 

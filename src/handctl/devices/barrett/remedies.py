@@ -1,8 +1,9 @@
-"""What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.codec.ERRORS`."""
+"""What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.status_codes.STATUS_CODES`."""
 
-from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, OVER_TEMPERATURE
-from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
-from handctl.devices.barrett.views import STROKE
+from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, STATUS_CODES
+from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
+from handctl.devices.barrett.status_and_parameter_views import STROKE
 from handctl.errors import Hint
 from handctl.model.device_picture import Bar, Measure, Outline, Remedy
 
@@ -16,8 +17,8 @@ REMEDIES = {
     "hot": Remedy("the board is hotter than 65 °C, which it must never be", _COOL, "barrett §2"),
     "over-limit": Remedy("the board is hotter than OTEMP: motor commands fail", _COOL, "barrett §5.4.1"),
     **{
-        f"{ERRORS[code][0]} ({code})": Remedy(f"status code {code} of the motor", ERRORS[code][1], "barrett §5.1.3, T3")
-        for code in (*_URGENT, *(code for code in ERRORS if code not in _URGENT))
+        f"{STATUS_CODES[code][0]} ({code})": Remedy(f"status code {code} of the motor", STATUS_CODES[code][1], "barrett §5.1.3, T3")
+        for code in (*_URGENT, *(code for code in STATUS_CODES if code not in _URGENT))
     },
     "unknown": Remedy("the manual does not list this code", "ask the vendor", "barrett §5.1.3, T3"),
     "moving": Remedy("the hand is moving", Hint("wait, or run {}", "barrett stop"), "barrett §5.2.1"),

@@ -12,7 +12,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from handctl import files
-from handctl.devices.barrett.map import SPEEDS
+from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.errors import OutputError, UsageError
 from handctl.link import ByteLink
 

@@ -14,9 +14,10 @@ from collections.abc import Generator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.codec import Answer, Decoder, encode, explain_status, has_prompt
+from handctl.devices.barrett.gcl.codec import Answer, Decoder, encode, has_prompt
 from handctl.devices.barrett.gcl.connect_table import SAFE_ABORT, abort_at
-from handctl.devices.barrett.map import SPEEDS
+from handctl.devices.barrett.gcl.status_codes import explain_status
+from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence

@@ -20,21 +20,21 @@ from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.gait_cli import add_gait
-from handctl.devices.ekso.map import EKSO
-from handctl.devices.ekso.policy import largest_step, write_limits_of
+from handctl.devices.ekso.parameter_map import EKSO
+from handctl.devices.ekso.write_policy import largest_step, write_limits_of
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import Gate, limits_of
 from handctl.model.export_formats import FORMATS
 from handctl.model.param import Step
 from handctl.model.result import Column, Journal, Table
-from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
-    from handctl.devices.ekso.audit import AuditLog
-    from handctl.devices.ekso.export import Exported
+    from handctl.devices.ekso.audit_log import AuditLog
+    from handctl.devices.ekso.export_opensim import Exported
     from handctl.devices.ekso.log_reader import LogFile
-    from handctl.record.source import Source
+    from handctl.record.row_source import Source
 
 
 TEXTS = ("mot", "csv")
@@ -85,7 +85,7 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
     from handctl.command import log_command
 
     def source(again: Callable[[], bool]) -> Source:
-        from handctl.devices.ekso.log import EksoSource
+        from handctl.devices.ekso.recording_source import EksoSource
 
         return EksoSource(run.device(), again, raw=raw, personal=include_pilot_id)
 
@@ -122,7 +122,7 @@ def export(
     mot and csv go to stdout, or to FILE with -o. The others need -o. A motion file holds just one segment.
     """
     from handctl.command import export_command
-    from handctl.devices.ekso import export as exports
+    from handctl.devices.ekso import export_opensim as exports
     from handctl.devices.ekso.log_reader import LogFile
 
     as_rows = run.settings.format in ("json", "ndjson")
@@ -248,8 +248,8 @@ def policy(run: Run, audit: str | None) -> Table:
     """
     from pathlib import Path
 
-    from handctl.devices.ekso.audit import AuditLog, check_whole_log, default_path
-    from handctl.devices.ekso.policy import policy_table
+    from handctl.devices.ekso.audit_log import AuditLog, check_whole_log, default_path
+    from handctl.devices.ekso.write_policy import policy_table
 
     table = policy_table()
     path = Path(audit) if audit else default_path()
@@ -307,7 +307,7 @@ CHANGES = "This changes a setting of an exoskeleton that someone may be wearing"
 
 def _give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, stepwise: bool = False) -> None:
     """Give the device all that writing needs; --yes stands for a person, who must be named."""
-    from handctl.devices.ekso.audit import logs
+    from handctl.devices.ekso.audit_log import logs
     from handctl.devices.ekso.setting_writer import Writer
 
     run.prompts.say(NOT_MEDICAL)
@@ -326,7 +326,7 @@ def _give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, step
 
 
 def _tell_edited(run: Run, audit: AuditLog) -> None:
-    from handctl.devices.ekso.audit import finding_texts
+    from handctl.devices.ekso.audit_log import finding_texts
 
     for place in list(finding_texts(audit.checked()))[-1:]:
         run.journal.warn(
@@ -450,7 +450,7 @@ def cancel(run: Run, word: int, audit: str | None) -> PlannedAction:
     def act(ekso: Ekso) -> Table:
         from pathlib import Path
 
-        from handctl.devices.ekso.audit import AuditLog, default_path
+        from handctl.devices.ekso.audit_log import AuditLog, default_path
 
         log = AuditLog(Path(audit) if audit else default_path(), _always(run))
 

@@ -11,10 +11,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.change import Change
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import READS, Command, cancel_body, status_text
-from handctl.devices.ekso.map import (
+from handctl.devices.ekso.parameter_map import (
     CLOCKS,
     DATA,
     EKSO,
@@ -26,6 +25,7 @@ from handctl.devices.ekso.map import (
     boot_ms,
     boot_text,
 )
+from handctl.devices.ekso.setting_change import Change
 from handctl.errors import (
     Aftermath,
     DeviceRefused,

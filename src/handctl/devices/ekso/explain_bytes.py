@@ -28,7 +28,7 @@ from handctl.devices.ekso.frames import (
     status_text,
     unpack,
 )
-from handctl.devices.ekso.map import CLOCKS, EKSO, MESSAGES, TWICE, Word, boot_ms, boot_text
+from handctl.devices.ekso.parameter_map import CLOCKS, EKSO, MESSAGES, TWICE, Word, boot_ms, boot_text
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.write_ledger import RequestReplyRules
 from handctl.wording import plural

@@ -22,7 +22,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
-from handctl.model.decoder import Stream
+from handctl.model.frame_decoder import Stream
 
 OVERHEAD = 6
 LENGTH_MODES: dict[str, int] = {"body": 0, "n-4": 2, "n-2": 4, "frame": 6}
@@ -50,7 +50,7 @@ class Exchange(NamedTuple):
     name     as the manual spells it
     asks     bytes of the body of its request; None = not in the manual, met in the field: known so that it can be dropped whole
     answers  bytes that the body of its answer may have; 0, the bare acknowledgement, may come for any
-    words    what its answer holds, by the name that this has in `map`; "" = a status word
+    words    what its answer holds, by the name that this has in `parameter_map`; "" = a status word
     """
 
     command: int
@@ -82,7 +82,7 @@ EXCHANGES = {
     )
 }
 READS = {row.words: Command(row.command) for row in EXCHANGES.values() if row.words}
-"""Name in `map` -> what asks for it."""
+"""Name in `parameter_map` -> what asks for it."""
 STATUS = {
     0: "accepted",
     1: "refused in the present state",

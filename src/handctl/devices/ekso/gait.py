@@ -15,9 +15,9 @@ from itertools import pairwise
 from math import sqrt
 from typing import NamedTuple
 
-from handctl.devices.ekso.log import column_of
 from handctl.devices.ekso.log_reader import LogFile
-from handctl.devices.ekso.map import DATA
+from handctl.devices.ekso.parameter_map import DATA
+from handctl.devices.ekso.recording_source import column_of
 from handctl.record.timeline import GAP_PERIODS
 
 LEFT, RIGHT = "left", "right"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from handctl.devices.ekso.log import LEAD, NAMED, RowLayout, parse
-from handctl.devices.ekso.map import DATA, Word, boot_ms, state_text
+from handctl.devices.ekso.parameter_map import DATA, Word, boot_ms, state_text
+from handctl.devices.ekso.recording_source import LEAD, NAMED, RowLayout, parse
 from handctl.files import opened
 from handctl.record import log_reader
 from handctl.record.log_reader import (
@@ -22,7 +22,7 @@ from handctl.record.log_reader import (
     parse_fixed,
     too_long,
 )
-from handctl.record.source import MARK
+from handctl.record.row_source import MARK
 
 CHUNK = 1 << 17
 """Bytes that are read at once."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import LENGTH_MODES, OVERHEAD, Command
-from handctl.devices.ekso.map import DATA, SETTINGS
+from handctl.devices.ekso.parameter_map import DATA, SETTINGS
 from handctl.model.proofs import NONE, Disturbed, Observation, Proof
 
 GRIDS = (20, 10)

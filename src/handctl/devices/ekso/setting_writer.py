@@ -1,6 +1,6 @@
 """Writing one setting of a worn EksoNR: limits, one SetValue when the wearer is still, read-back of everything, audit.
 
-The limits are those of `policy`; the device's own are not documented and it answers for itself. A write is never repeated.
+The limits are those of `write_policy`; the device's own are not documented and it answers for itself. A write is never repeated.
 """
 
 from __future__ import annotations
@@ -8,12 +8,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.audit import NOT_SENT, AuditLog, recent
-from handctl.devices.ekso.change import Change, Raws, differences, judge, moving
+from handctl.devices.ekso.audit_log import NOT_SENT, AuditLog, recent
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command, Frame
-from handctl.devices.ekso.map import NOTHING_SENT, SETTINGS, Word, boot_ms
-from handctl.devices.ekso.policy import BETWEEN_WRITES, READS_APART, STEP_SECONDS, largest_step, write_limits_of
+from handctl.devices.ekso.parameter_map import NOTHING_SENT, SETTINGS, Word, boot_ms
+from handctl.devices.ekso.setting_change import Change
+from handctl.devices.ekso.stillness import moving
+from handctl.devices.ekso.write_policy import BETWEEN_WRITES, READS_APART, STEP_SECONDS, largest_step, write_limits_of
+from handctl.devices.ekso.write_result import Raws, differences, judge
 from handctl.errors import (
     Aftermath,
     HandctlError,

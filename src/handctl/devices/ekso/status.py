@@ -10,8 +10,8 @@ from datetime import datetime
 from math import cos, radians, sin
 from typing import TYPE_CHECKING
 
-from handctl.devices.ekso.map import DATA, EKSO, LEGS, NAMED, POSTURES, SETTINGS, Word, boot_ms, boot_text
-from handctl.devices.ekso.policy import READS_APART, write_limits_of
+from handctl.devices.ekso.parameter_map import DATA, EKSO, LEGS, NAMED, POSTURES, SETTINGS, Word, boot_ms, boot_text
+from handctl.devices.ekso.write_policy import READS_APART, write_limits_of
 from handctl.errors import HandctlError, LinkError
 from handctl.model.param import Reading
 from handctl.model.result import Cell, Finding, Grid, Row, Table

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from handctl.devices.ekso.frames import Command, Decoder, Frame, cancel_body, encode, status_text
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.decoder import frames_in
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.stop_repetition import repeat_until_answered
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence

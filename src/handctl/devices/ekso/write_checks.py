@@ -1,6 +1,6 @@
 """All checks before a SetValue is sent, as one table in the order in which the writer runs them.
 
-The limits are in `policy`. All of it is this tool's policy but what the ParameterID table of the
+The limits are in `write_policy`. All of it is this tool's policy but what the ParameterID table of the
 manual says. Knows no bytes and no link; sans I/O. `dossier` in a source is the protocol dossier, `ekso` the manual.
 """
 

@@ -15,7 +15,7 @@ import click
 from handctl.command import get_set_watch
 from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
-from handctl.devices.inspire.map import address_in
+from handctl.devices.inspire.register_map import address_in
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.model.param import Element, ParamMap, Step
 from handctl.model.result import Table
@@ -46,9 +46,9 @@ BACKUP_HELP = "Write the snapshot to FILE (default: {}-before-reset.json). An ex
 
 def explain_silence(device: RegisterDevice, error: HandctlError) -> HandctlError:
     """Whether the silent hand is there at another speed."""
-    from handctl.devices.inspire import procedures
+    from handctl.devices.inspire import id_baud_save_reset
 
-    return procedures.explain_silence(device, error)
+    return id_baud_save_reset.explain_silence(device, error)
 
 
 def read(run: Run, address: str, count: int) -> Table:
@@ -105,13 +105,13 @@ def change_baud(run: Run, rate: int | None, question: str, *, save: bool, verify
 
 
 def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, verify: bool) -> Table:
-    from handctl.devices.inspire import procedures
+    from handctl.devices.inspire import id_baud_save_reset
 
     device.confirm_identity(keeps=False)
     table = device.change_speed(rate)
     if save or run.offer("Save it to flash now"):
         device.confirm_identity()
-        table.rows += procedures.save(device, run.prompts).rows
+        table.rows += id_baud_save_reset.save(device, run.prompts).rows
         wait = "Wait for the power-cycle and check the hand at the new baud rate"
         if verify or (device.bus.serial and run.offer(wait)):
             _verify_speed(run, device, rate, table)
@@ -134,9 +134,9 @@ def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, ve
 
 
 def _verify_speed(run: Run, device: RegisterDevice, rate: int, table: Table) -> None:
-    from handctl.devices.inspire import procedures
+    from handctl.devices.inspire import id_baud_save_reset
 
-    if procedures.wait_for_speed(device, rate, run.prompts):
+    if id_baud_save_reset.wait_for_speed(device, rate, run.prompts):
         table.rows.append(
             {"name": "verified_baud", "finger": None, "address": None, "value": rate, "unit": "baud", "raw": None}
         )
@@ -151,11 +151,11 @@ def clear_errors(run: Run) -> PlannedAction:
         return [device.trigger_step("clear_errors", "clear errors")]
 
     def clear(device: RegisterDevice) -> Table:
-        from handctl.devices.inspire import procedures
+        from handctl.devices.inspire import id_baud_save_reset
 
         device.confirm_identity(keeps=False)
         get_set_watch.ask_released(run, device, [(Element(device.map["clear_errors"], 0), 1)], steps(device))
-        return procedures.clear_errors(device)
+        return id_baud_save_reset.clear_errors(device)
 
     return PlannedAction(steps(run.planner()), clear)
 
@@ -164,10 +164,10 @@ def save(run: Run, question: str, *, looks: bool = True) -> PlannedAction:
     """Save to flash. `looks` first who is there, as far as the family does more than any write."""
 
     def act(device: RegisterDevice) -> Table:
-        from handctl.devices.inspire import procedures
+        from handctl.devices.inspire import id_baud_save_reset
 
         device.confirm_identity(keeps=looks)
-        return procedures.save(device, run.prompts)
+        return id_baud_save_reset.save(device, run.prompts)
 
     return PlannedAction([run.planner().trigger_step("save", "save to flash")], act, question)
 
@@ -185,11 +185,11 @@ def factory_reset(run: Run, meaning: str, question: str, backup: str | None, *, 
 
     def reset(device: RegisterDevice) -> Table:
         from handctl.command import snapshots
-        from handctl.devices.inspire import procedures
+        from handctl.devices.inspire import id_baud_save_reset
 
         device.confirm_identity(keeps=looks)
         snapshots.snapshot(run, path)
-        return procedures.factory_reset(device)
+        return id_baud_save_reset.factory_reset(device)
 
     return PlannedAction(steps, reset, question, word="reset")
 

@@ -22,7 +22,7 @@ from functools import lru_cache
 
 from handctl.errors import ProtocolError, UsageError
 from handctl.fast_classes import NamedTuple
-from handctl.model.decoder import Stream
+from handctl.model.frame_decoder import Stream
 
 IDS = range(1, 255)
 """Of a device (exo §2.3.1)."""

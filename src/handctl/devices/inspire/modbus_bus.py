@@ -20,7 +20,7 @@ from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
 from handctl.devices.inspire.serial_bus import shorten
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline
-from handctl.model.decoder import frames_in
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes
 from handctl.wording import plural

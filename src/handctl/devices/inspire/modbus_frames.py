@@ -23,7 +23,7 @@ from functools import cache
 from handctl.devices.inspire import eb90
 from handctl.errors import ProtocolError, UsageError
 from handctl.fast_classes import NamedTuple
-from handctl.model.decoder import Stream
+from handctl.model.frame_decoder import Stream
 
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
 FAILED = 0x80

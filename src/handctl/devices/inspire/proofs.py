@@ -10,9 +10,9 @@ from functools import partial
 from statistics import median
 from typing import Any
 
+from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.eb90 import MAX_COUNT, WRITE, write_ack_prefix, write_request
-from handctl.devices.inspire.identity import identify_alone
-from handctl.devices.inspire.procedures import probe, save_failed, save_frames
+from handctl.devices.inspire.id_baud_save_reset import probe, save_failed, save_frames
 from handctl.devices.inspire.register_bus import RegisterBus, Span
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import SerialBus

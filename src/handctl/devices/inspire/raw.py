@@ -9,9 +9,9 @@ from itertools import groupby
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.explain_bytes import InspireExplainer, stretches
-from handctl.devices.inspire.map import ALONE, EXO, Register
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
+from handctl.devices.inspire.register_map import ALONE, EXO, Register
 from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak, shorten
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes

@@ -25,7 +25,7 @@ from handctl.link import ByteLink, CanFrame, Link
 from handctl.model.device import Line, harmless_to_others
 from handctl.model.param import Step
 from handctl.model.result import Journal
-from handctl.model.stop_sequence import on_early_end
+from handctl.model.stop_on_interrupt import on_early_end
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.identity import FamilyGate

@@ -13,10 +13,11 @@ from contextlib import contextmanager
 from functools import lru_cache
 from typing import TypeVar
 
+from handctl.devices.inspire.duplicate_id import refuse_duplicate_id
 from handctl.devices.inspire.eb90 import MAX_COUNT
-from handctl.devices.inspire.identity import AT_WORK, refuse_duplicate_id, within
-from handctl.devices.inspire.map import BAUD_RATES, Register, register_of
+from handctl.devices.inspire.identity import AT_WORK, within
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span, may_still_move
+from handctl.devices.inspire.register_map import BAUD_RATES, Register, register_of
 from handctl.errors import (
     Aftermath,
     CheckFailed,
@@ -45,7 +46,8 @@ from handctl.model.movement import (
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
-from handctl.model.stop_sequence import Stopped, interrupt_error, on_early_end
+from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
+from handctl.model.stop_sequence import Stopped
 from handctl.wording import plural
 
 FAILS = (NoAnswer, ProtocolError, DeviceRefused)
@@ -482,8 +484,8 @@ class RegisterDevice(Device):
     # -- where it is found ---------------------------------------------------------------------------------------
 
     def change_id(self, new: int) -> Table:
-        """Give it another id, at once. See `procedures`."""
-        from handctl.devices.inspire.procedures import change_id
+        """Give it another id, at once. See `id_baud_save_reset`."""
+        from handctl.devices.inspire.id_baud_save_reset import change_id
 
         return change_id(self, new)
 
@@ -508,8 +510,8 @@ class RegisterDevice(Device):
         return table
 
     def change_speed(self, rate: int) -> Table:
-        """Write the speed that counts after a save and a power cycle. See `procedures`."""
-        from handctl.devices.inspire.procedures import change_baud
+        """Write the speed that counts after a save and a power cycle. See `id_baud_save_reset`."""
+        from handctl.devices.inspire.id_baud_save_reset import change_baud
 
         return change_baud(self, rate)
 

@@ -15,12 +15,13 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus
-from handctl.devices.inspire.identity import EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind, Row4, same_id
+from handctl.devices.inspire.duplicate_id import Row4, same_id
+from handctl.devices.inspire.id_and_baud_search import CanSearch, Findings, Requester, RtuSearch, Scanner, ScanRequest
+from handctl.devices.inspire.identity import EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, FEWER, RegisterBus, Span, at_speed, other_speed
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.scan_wire import CanSearch, Findings, Requester, RtuSearch, Scanner, ScanRequest
 from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, hint_for
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline, FrameLink, Link
@@ -31,9 +32,9 @@ from handctl.model.result import Journal, Row
 from handctl.model.scan_task import ScanTask
 from handctl.wording import plural
 
-SPEEDS = (115200, 57600, 19200)
+SCAN_BAUD_RATES = (115200, 57600, 19200)
 """exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
-MOST = 4096
+MOST_CAN_IDS = 4096
 """Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
 WHO = tuple[Kind, "str | None", str]
 """Kind, model (None = open), and what shows it."""
@@ -57,7 +58,7 @@ class Target(NamedTuple):
     twin: Span
     value: str
     silence_hint: str
-    speeds: tuple[int, ...] = SPEEDS
+    speeds: tuple[int, ...] = SCAN_BAUD_RATES
     both_ways: bool = False
     can: Span | None = None
     look: Callable[[RegisterBus], WHO] | None = None
@@ -72,9 +73,9 @@ class Target(NamedTuple):
 def parse_ids(text: str, wire: str) -> list[int]:
     """``1-254`` or ``1,2,10-20`` -> ids in that order, on CAN up to 16383, at most 4096 of them. Raises UsageError."""
     ids = ids_in(text, can_frames.check_id if wire == "can" else eb90.check_id)
-    if len(ids) > MOST:
+    if len(ids) > MOST_CAN_IDS:
         raise UsageError(
-            f"--ids {text}: these are {plural(len(ids), 'id')}, but a scan asks 1 to {MOST}",
+            f"--ids {text}: these are {plural(len(ids), 'id')}, but a scan asks 1 to {MOST_CAN_IDS}",
             hint="scan in parts, such as --ids 1-254",
         )
     return ids
@@ -167,7 +168,7 @@ class Sweep:
     def _on_line(self, link: ByteLink) -> None:
         speeds: list[int | None] = [link.baud]
         if link.can_set_baud and self.task.baud is None:
-            speeds = list(self.lead.speeds if len(self.targets) == 1 else SPEEDS)
+            speeds = list(self.lead.speeds if len(self.targets) == 1 else SCAN_BAUD_RATES)
         found = Findings()
         with at_speed(link, None):
             if self.eb90:
@@ -499,7 +500,7 @@ WAIT = 0.12
 
 
 class Probing:
-    """What the module `probe` of a family offers, see `tools.probes`. Nothing in it writes.
+    """What the module `probe` of a family offers, see `tools.family_probe`. Nothing in it writes.
 
     target  what a scan looks for
     live    what is measured again and again: a constant would be the same of two devices with one id

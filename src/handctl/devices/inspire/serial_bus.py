@@ -13,8 +13,8 @@ from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.register_bus import FEWER, FRESH, ByteBus, ahead, question
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
-from handctl.model.decoder import frames_in
 from handctl.model.device import harmless_to_others
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.result import hex_bytes
 from handctl.wording import plural

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from handctl.errors import UsageError
 from handctl.record.clock_survey import BREAK, GAP
 from handctl.record.exports import name_of
-from handctl.record.source import clean
+from handctl.record.row_source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export

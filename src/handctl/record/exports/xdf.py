@@ -14,7 +14,7 @@ from xml.sax.saxutils import escape
 
 from handctl.files import atomic_write
 from handctl.record.exports import name_of
-from handctl.record.source import clean
+from handctl.record.row_source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export

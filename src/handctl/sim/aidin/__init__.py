@@ -18,4 +18,4 @@ FACTS: dict[str, dict[object, str]] = {
     "homing-lasts": {"kept": ""},
     "q4-range": {"115 to 175": "q4=same", "147.5 to 177.5": "q4=half", "0 to 0": "q4=zero"},
 }
-"""What a fact about a real one makes of the simulated one, see `engine.facts`."""
+"""What a fact about a real one makes of the simulated one, see `engine.facts_file`."""

@@ -9,8 +9,8 @@ commands are not carried out (there is no error message). A power cut does not c
 
 from __future__ import annotations
 
-from handctl.sim.aidin.hand import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
-from handctl.sim.aidin.text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
+from handctl.sim.aidin.json_text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
+from handctl.sim.aidin.mechanics import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
 from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
@@ -91,7 +91,7 @@ class Device(Model):
     """The hand without its cable."""
 
     KIND = "aidin"
-    CONTROL = "handctl.sim.aidin.control"
+    CONTROL = "handctl.sim.aidin.control_commands"
     HEADER = b'}]",:0-e\r\n'  # no opening brace: noise beside an object leaves the object whole
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS

@@ -26,4 +26,4 @@ FACTS: dict[str, dict[object, str]] = {
     "motors-after-loop": {"run on": "", "stop": "loop-exit=stop"},
     "highest-speed": {38400: "", "*": "max-baud={}"},
 }
-"""What a fact about a real one makes of the simulated one, see `engine.facts`."""
+"""What a fact about a real one makes of the simulated one, see `engine.facts_file`."""

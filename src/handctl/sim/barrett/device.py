@@ -11,11 +11,11 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 
 from __future__ import annotations
 
-from handctl.sim.barrett import board, loop, monitor
-from handctl.sim.barrett.board import Board
+from handctl.sim.barrett import boot_monitor, realtime_loop, shared_state
 from handctl.sim.barrett.gcl import Answer, execute
-from handctl.sim.barrett.hand import OFFSETS
-from handctl.sim.barrett.tables import TOO_HOT
+from handctl.sim.barrett.mechanics import OFFSETS
+from handctl.sim.barrett.parameter_tables import TOO_HOT
+from handctl.sim.barrett.shared_state import Board
 from handctl.sim.engine.simulated_device import NOTHING, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from typing import Any
 
 ABORT, RETURN = 3, 13  # ^C, CR
-_OPTIONS = {**board.OPTIONS, **loop.OPTIONS, **monitor.OPTIONS}
-_FAULTS = {**board.FAULTS, **loop.FAULTS, **monitor.FAULTS}
+_OPTIONS = {**shared_state.OPTIONS, **realtime_loop.OPTIONS, **boot_monitor.OPTIONS}
+_FAULTS = {**shared_state.FAULTS, **realtime_loop.FAULTS, **boot_monitor.FAULTS}
 
 
 class Device(Board):
@@ -39,8 +39,8 @@ class Device(Board):
         self._prompt = b"=> " if self.given["prompt"] == "space" else b"=>"
         self._end = b"\n\r" if self.given["line-end"] == "lfcr" else b"\r\n"
         self._switches = switches(options)  # moments at which the switch is turned
-        self.monitor = monitor.Monitor(self)
-        self.loop: loop.Loop | None = None
+        self.monitor = boot_monitor.Monitor(self)
+        self.loop: realtime_loop.Loop | None = None
         self._hear = self._hear_line  # what takes the next byte: one method for each state of the firmware
         self._line = bytearray()
         self._open = False  # a line has begun
@@ -261,7 +261,7 @@ class Device(Board):
     # -- RealTime mode ---------------------------------------------------------------------------------------------------
 
     def enter_loop(self, motors: tuple[int, ...]) -> None:
-        self.loop = loop.Loop(self, motors)
+        self.loop = realtime_loop.Loop(self, motors)
         self._hear = self.loop.hear
         self.hits -= {"stale"}  # that answer came before the echo
         self.post(b"*")

@@ -11,7 +11,7 @@ comment says so. No print-out of lists, help, status codes and version is in the
 
 from __future__ import annotations
 
-from handctl.sim.barrett.tables import (
+from handctl.sim.barrett.parameter_tables import (
     BAD_VALUE,
     COMMANDS,
     ERRORS,
@@ -30,7 +30,7 @@ from handctl.sim.barrett.tables import (
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.board import Board
+    from handctl.sim.barrett.shared_state import Board
 
 ALL = (0, 1, 2, 3)
 BETWEEN = {"values": " ", "names": " - ", "prose": ": "}

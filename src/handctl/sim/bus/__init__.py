@@ -19,7 +19,7 @@ def create(options: dict[str, str]) -> Any:
 
     Raises ValueError with one line of text for a missing option, a file that cannot be read, and whatever it says wrongly.
     """
-    from handctl.sim.bus.file import read
+    from handctl.sim.bus.bus_file import read
 
     for name in options:
         if name not in ("file", "seed", "bus"):
@@ -38,10 +38,10 @@ def create(options: dict[str, str]) -> Any:
 def whole_of(plan: Any) -> Any:
     """The bus itself."""
     if plan.wire == "can":
-        from handctl.sim.bus.can import CanBus
+        from handctl.sim.bus.can_bus import CanBus
 
         return CanBus(plan)
-    from handctl.sim.bus.line import Bus
+    from handctl.sim.bus.serial_bus import Bus
 
     return Bus(plan)
 

@@ -7,8 +7,8 @@ from typing import Generic, TypeVar
 
 from handctl.number_parsing import number_in
 from handctl.sim import model_class
-from handctl.sim.bus.file import Plan
-from handctl.sim.engine.line import PLUG_COMMANDS, Cable, Plug, Switched
+from handctl.sim.bus.bus_file import Plan
+from handctl.sim.engine.line_and_faults import PLUG_COMMANDS, Cable, Plug, Switched
 from handctl.sim.engine.simulated_device import Model, Random, soonest
 
 SOON = 0.000000001  # s, rounding

@@ -14,4 +14,4 @@ FACTS: dict[str, dict[object, str]] = {
     "unlisted-codes": {"none": ""},
     "knee-sign": {"flexion positive": ""},
 }
-"""What a fact about a real one makes of the simulated one, see `engine.facts`."""
+"""What a fact about a real one makes of the simulated one, see `engine.facts_file`."""

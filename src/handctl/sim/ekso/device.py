@@ -19,7 +19,7 @@ from functools import lru_cache
 from math import ceil, floor
 
 from handctl.number_parsing import number_in
-from handctl.sim.ekso.body import (
+from handctl.sim.ekso.mechanics import (
     FIRST_BOOT_MS,
     LEFT,
     POSTURES,
@@ -167,7 +167,7 @@ class Device(Model):
     """
 
     KIND = "ekso"
-    CONTROL = "handctl.sim.ekso.control"
+    CONTROL = "handctl.sim.ekso.control_commands"
     HEADER = bytes(range(150, 161))
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS

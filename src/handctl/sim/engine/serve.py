@@ -26,8 +26,8 @@ from contextlib import ExitStack, closing, suppress
 from typing import Any
 
 from handctl.sim import model_class
-from handctl.sim.engine.can import CAN_FAULTS, CAN_OPTIONS, CanLine
-from handctl.sim.engine.line import LINE_FAULTS, LINE_OPTIONS, Line, Switched
+from handctl.sim.engine.can_line import CAN_FAULTS, CAN_OPTIONS, CanLine
+from handctl.sim.engine.line_and_faults import LINE_FAULTS, LINE_OPTIONS, Line, Switched
 from handctl.sim.engine.simulated_device import Options, soonest
 from handctl.system import clock, local_socket, terminal
 from handctl.system.signals import Served as Signals

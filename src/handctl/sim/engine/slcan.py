@@ -19,7 +19,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from handctl.sim.engine.can import Controller
+from handctl.sim.engine.can_line import Controller
 
 OK, ERROR = b"\r", b"\x07"
 BITRATES = (10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000, 83300)  # S0 to S8; S9 of some

@@ -9,10 +9,10 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.simulated_device import Options, Random
-from handctl.sim.exo.hand import Hand
+from handctl.sim.exo.mechanics import Hand
+from handctl.sim.inspire.actuator_faults import apply_faults, fault_help, start_hot
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.memory import Element, Space, differ
-from handctl.sim.inspire.servo import heat, latched_help, strike
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ _FAULTS = {
     "faults": "error bytes 01 02 04 06 18",
     "hot": "all actuators start above the limit and cool down",
     "blocked": "no finger can move",
-    **latched_help(("the little finger", "the ring finger", "the middle finger", "the index finger", "the thumb")),
+    **fault_help(("the little finger", "the ring finger", "the middle finger", "the index finger", "the thumb")),
 }
 
 
@@ -69,7 +69,7 @@ class Device(Serial):
     """The hand without its wire."""
 
     KIND = "exo"
-    CONTROL = "handctl.sim.exo.control"
+    CONTROL = "handctl.sim.exo.control_commands"
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS
     FLAGS = {17: ("", False), 18: ("", True)}  # noqa: RUF012
@@ -107,7 +107,7 @@ class Device(Serial):
         self.space.put("id", [self.flash["id"]])
         self.space.put("speed", [self.flash["speed_code"]])
         self.speed = SPEEDS[self.flash["speed_code"]]
-        heat(self.hand.fingers, self.faults)
+        start_hot(self.hand.fingers, self.faults)
         self.dirty = True
 
     def _defaults(self) -> None:
@@ -130,7 +130,7 @@ class Device(Serial):
         self.space.use(SPEED_AT_1002 if "baud-at-1002" in faults else REGISTERS)
         for finger in self.hand.fingers if "blocked" in faults | before else ():
             finger.blocked = "blocked" in faults
-        strike(self.hand.fingers, faults, ALL_FAULTS)
+        apply_faults(self.hand.fingers, faults, ALL_FAULTS)
 
     @property
     def id(self) -> int:  # type: ignore[override]

@@ -36,4 +36,4 @@ FACTS: dict[str, dict[object, str]] = {
     },
     "calibration-frames": {"reported": "", "not reported": "fault=no-late-frames"},
 }
-"""What a fact about a real one makes of the simulated one, see `engine.facts`."""
+"""What a fact about a real one makes of the simulated one, see `engine.facts_file`."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from copy import copy
 
 from handctl.sim.engine.simulated_device import Random
-from handctl.sim.inspire.servo import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo, bounded
+from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo, bounded
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:

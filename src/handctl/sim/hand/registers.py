@@ -14,9 +14,9 @@ from handctl.sim.engine.simulated_device import Model, Options, Random
 from handctl.sim.hand import MODELS, register_maps
 from handctl.sim.hand.fingers import Body, Finger
 from handctl.sim.hand.register_maps import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation
+from handctl.sim.inspire.actuator_faults import apply_faults, fault_help, start_hot
 from handctl.sim.inspire.frames import Asked
 from handctl.sim.inspire.memory import Space
-from handctl.sim.inspire.servo import heat, latched_help, strike
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ FAULTS = {
     "faults": "error bytes 01 02 04 06 18 00",
     "hot": "all fingers start above the limit and cool down",
     "blocked": "no finger can move",
-    **latched_help(("the first finger", "the second", "the third", "the fourth", "the fifth")),
+    **fault_help(("the first finger", "the second", "the third", "the fourth", "the fifth")),
     "force-deaf": "a finger at its force limit takes no command until the limit is another",
     "stops-short": "the second finger closes to 46 thousandths before its end, without an error",
     "tactile-dead": "zones without a sign of life: middle tip, thumb, palm",
@@ -205,7 +205,7 @@ class Hand:
             self._fresh()
         self._used = False
         self.set_faults(self.faults)
-        heat(self.body.fingers, self.faults)
+        start_hot(self.body.fingers, self.faults)
         self.publish()
         self.dirty = True
 
@@ -240,7 +240,7 @@ class Hand:
                 finger.blocked = "blocked" in faults
             finger.stubborn = "force-deaf" in faults
             finger.short = 0.046 * finger.span if "stops-short" in faults and number == 1 else 0.0
-        strike(self.body.fingers, faults, ALL_FAULTS)
+        apply_faults(self.body.fingers, faults, ALL_FAULTS)
         self.publish()
 
     # -- requests ---------------------------------------------------------------------------------------------------------
@@ -454,7 +454,7 @@ class Front(Asked):
     """The hand as one of its wires shows it. A wire beside another one is made with that one's hand."""
 
     KIND = "hand"
-    CONTROL = "handctl.sim.hand.control"
+    CONTROL = "handctl.sim.hand.control_commands"
     BUS = ""
     FLAGS = {0: ("", False), 1: ("", True)}  # noqa: RUF012
 

@@ -10,4 +10,4 @@ FACTS: dict[str, dict[object, str]] = {
     "current-sign": {"signed": ""},
     "carrier": {"answered": ""},
 }
-"""What a fact about a real one makes of the simulated one, see `engine.facts`."""
+"""What a fact about a real one makes of the simulated one, see `engine.facts_file`."""

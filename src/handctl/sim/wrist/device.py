@@ -13,10 +13,10 @@ from handctl.sim.engine.simulated_device import Options, Random
 from handctl.sim.hand import register_maps
 from handctl.sim.hand.registers import OPTIONS as OF_HAND
 from handctl.sim.hand.registers import Hand
+from handctl.sim.inspire.actuator_faults import apply_faults, bounded, fault_help, start_hot
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Asked, Can, Serial
 from handctl.sim.inspire.memory import Element, Space
-from handctl.sim.inspire.servo import bounded, heat, latched_help, strike
-from handctl.sim.wrist.body import PITCH, YAW, Body
+from handctl.sim.wrist.mechanics import PITCH, YAW, Body
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ _READINGS = [  # of each finger: stroke, angle, force, current, state, temperatu
 ]
 
 
-LATCHED = {  # fault -> (actuator, error byte)
+ACTUATOR_FAULTS = {  # fault -> (actuator, error byte)
     "locked-rotor": (0, 1),
     "over-temperature": (1, 2),
     "over-current": (0, 4),
@@ -95,7 +95,7 @@ FAULTS = {
     "faults": "error bytes 01 and 04",
     "hot": "both actuators start above the limit and cool down",
     "blocked": "neither axis can move",
-    **latched_help(("actuator 1", "actuator 2"), LATCHED),
+    **fault_help(("actuator 1", "actuator 2"), ACTUATOR_FAULTS),
 }
 
 
@@ -110,7 +110,7 @@ class Module(Asked):
     """Wrist and hand. The id, the speed and what is kept live in the hand's space: the wrist's manual has none."""
 
     KIND = "wrist"
-    CONTROL = "handctl.sim.wrist.control"
+    CONTROL = "handctl.sim.wrist.control_commands"
     OPTIONS = OPTIONS
     FAULTS = FAULTS
     SPEEDS: tuple[int, ...] = ()  # bit/s by speed code
@@ -157,7 +157,7 @@ class Module(Asked):
         self.hand.memory[1002] = self.flash["speed_code"]
         self.use_speed(self.flash["speed_code"])
         self.set_faults(self.faults)
-        heat(self.body.actuators, self.faults)
+        start_hot(self.body.actuators, self.faults)
         self.dirty = True
 
     def set_faults(self, faults: frozenset[str]) -> None:
@@ -169,7 +169,7 @@ class Module(Asked):
         elif "blocked" in before:
             body.release(PITCH)
             body.release(YAW)
-        strike(body.actuators, faults, ALL_FAULTS, LATCHED)
+        apply_faults(body.actuators, faults, ALL_FAULTS, ACTUATOR_FAULTS)
 
     def use_id(self, number: int) -> None:
         """Acts at once. The id register has one byte, an id on CAN may have 14 bits: only the low ones show (open)."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from handctl.sim.engine.line import LINE_FAULTS
+from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.contract.facts.outcomes import RIGHT, Codes, Outcomes, Variant, Wire
 from tests.ekso.commands import CANCEL, PLACES, POWER_ON, READING, SET, WRITES
 

@@ -9,7 +9,7 @@ import click
 from handctl.command.command_tree import Group
 from handctl.command.options import InFile, WholeRange
 from handctl.command.run import PlannedAction, Run
-from handctl.devices.barrett.views import CHECKED, LABEL, MOTOR, NAME
+from handctl.devices.barrett.status_and_parameter_views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
 from handctl.model.param import Step

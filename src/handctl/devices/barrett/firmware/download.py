@@ -12,8 +12,8 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Firmware, Transfer
 from handctl.devices.barrett.gcl.codec import BANNER, CR, PROMPT, has_prompt
-from handctl.devices.barrett.map import BARRETT
-from handctl.devices.barrett.views import row_of
+from handctl.devices.barrett.parameter_map import BARRETT
+from handctl.devices.barrett.status_and_parameter_views import row_of
 from handctl.errors import (
     Aftermath,
     CheckFailed,

@@ -18,7 +18,7 @@ from collections.abc import Iterable
 from functools import lru_cache
 from typing import NamedTuple
 
-from handctl.errors import HandctlError, Hint, ProtocolError, UsageError
+from handctl.errors import Hint, ProtocolError, UsageError
 
 CR = b"\r"
 ABORT = b"\x03"
@@ -33,37 +33,6 @@ MAX_ARGUMENTS = 18
 
 MOTOR_DIGITS = "1234"
 MOTORS = ("F1", "F2", "F3", "SPREAD")
-
-OVER_TEMPERATURE = 8192
-"""Status of a motor, or of a motor command, above OTEMP (barrett §5.4.1)."""
-ERRORS: dict[int, tuple[str, str]] = {
-    1: ("No motor board found", "power-cycle the hand, then ask the vendor (electronics)"),
-    2: ("No motor found", "power-cycle the hand, then ask the vendor (electronics or cable)"),
-    4: (
-        "Motor not initialized",
-        Hint("run {}. The fingers open fully: keep the space around them free", "barrett init"),
-    ),
-    16: ("Couldn't reach position", Hint("look for an obstacle, a strain limit, or MPE: {}", "barrett status")),
-    32: (
-        "Unknown command",
-        Hint("check the name, or check the cable for noise: {} lists the commands", "barrett help"),
-    ),
-    64: (
-        "Unknown parameter name",
-        Hint("this firmware does not have this parameter: {} lists them all", "barrett describe"),
-    ),
-    128: ("Invalid value", Hint("see the ranges with {}", "barrett describe")),
-    256: ("Tried to write a read only parameter", "read it with `handctl barrett get`: it cannot be written"),
-    1024: ("Too many arguments for this command", "give fewer arguments at a time"),
-    2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not match them"),
-    4096: ("Command can't have motor prefix", "leave the motors out"),
-    OVER_TEMPERATURE: (
-        "Overtemperature fault tripped",
-        Hint("compare TEMP with OTEMP in {}, and let the hand cool", "barrett status"),
-    ),
-    16384: ("Cntl-C abort command received", "nothing to do: this is normal after ^C"),
-}
-"""barrett §5.1.3, T3: code -> (the manual's wording, next step)."""
 
 
 class Command(NamedTuple):
@@ -176,35 +145,6 @@ def _split(text: str) -> tuple[str, Command | None, tuple[str, ...]]:
         return "", COMMANDS["?"], (head[1:], *words[1:]) if head[1:] else words[1:]
     size = len(head) - len(head.lstrip("1234GS"))
     return head[:size], COMMANDS.get(head[size:]), words[1:]
-
-
-def split_status(code: int) -> list[int]:
-    """The powers of two in a status sum, lowest first; nothing is dropped."""
-    return [1 << bit for bit in range(code.bit_length()) if code >> bit & 1]
-
-
-def shows_heat(error: HandctlError) -> bool:
-    """Whether a hand refused for its temperature."""
-    return error.code.startswith("err-") and bool(int(error.code[4:]) & OVER_TEMPERATURE)
-
-
-def explain_status(code: int) -> str:
-    """``20`` -> ``Motor not initialized (4) + Couldn't reach position (16)``; 0 -> ``ready``."""
-    if code == 0:
-        return "ready"
-    parts = []
-    for bit in split_status(code):
-        text = ERRORS[bit][0] if bit in ERRORS else ("(not used)" if bit in (8, 512) else "unknown")
-        parts.append(f"{text} ({bit})")
-    return " + ".join(parts)
-
-
-def hint_for(code: int) -> str:
-    """The next step for the most telling bit of a status sum."""
-    return next(
-        (ERRORS[bit][1] for bit in split_status(code) if bit in ERRORS),
-        "ask the vendor: the manual does not list this code (T3)",
-    )
 
 
 def motor_prefix(text: str) -> str:

@@ -6,27 +6,17 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.barrett import eeprom
+from handctl.devices.barrett import eeprom_saves
 from handctl.devices.barrett.device import BarrettHand, refuse
-from handctl.devices.barrett.gcl.codec import (
-    COMMANDS,
-    OVER_TEMPERATURE,
-    Answer,
-    encode,
-    explain_status,
-    kind_of,
-    motor_prefix,
-    motors_of,
-    split,
-    whole,
-)
-from handctl.devices.barrett.map import BARRETT, careful
+from handctl.devices.barrett.gcl.codec import COMMANDS, Answer, encode, kind_of, motor_prefix, motors_of, split, whole
+from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
+from handctl.devices.barrett.parameter_map import BARRETT, careful
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import state_path
 from handctl.interrupts import reset_interrupts
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import interrupt_error
+from handctl.model.stop_on_interrupt import interrupt_error
 from handctl.system import terminal
 
 if TYPE_CHECKING:
@@ -255,7 +245,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) 
         for note in notes(text):
             run.prompts.say(f"careful: {note}")
         before(text)
-        ledger = eeprom.Ledger(hand, simulated=run.simulated) if saves([text]) else None
+        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if saves([text]) else None
         answer = ask(hand, text)
         if ledger is not None and not answer.status:
             ledger.count_unknown()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.gcl import connect_table as table
 from handctl.devices.barrett.gcl.codec import ABORT, CR, MOTORS, has_prompt, values
-from handctl.devices.barrett.map import SPEEDS, with_sign
+from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError
 from handctl.link import ByteLink
 from handctl.wording import plural

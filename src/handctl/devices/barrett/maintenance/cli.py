@@ -11,7 +11,7 @@ from handctl.command.command_tree import Group
 from handctl.command.options import BOUNDS, OutFile, WholeRange, watch_options
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
-from handctl.devices.barrett.map import BARRETT
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.errors import Hint, NotConfirmed, OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.param import Step
@@ -112,7 +112,7 @@ def add_care_commands(group: Group) -> None:
         Checks 20 readings per finger against 100 to 140. Read-only. The gauges are unloaded only when the fingers
         are open; --open opens them first (HI, ST, GO).
         """
-        from handctl.devices.barrett.maintenance import strain as gauges
+        from handctl.devices.barrett.maintenance import strain_gauges as gauges
         from handctl.devices.barrett.maintenance import symptoms
 
         _live(run, live, count=timing["count"], duration=timing["duration"], limit=limits, until=until)
@@ -270,7 +270,7 @@ def add_care_commands(group: Group) -> None:
         """
         from handctl.devices.barrett.maintenance import first_light as light
         from handctl.devices.barrett.probe import ping
-        from handctl.model import facts
+        from handctl.model import facts_file
         from handctl.model.proofs import READ, table_of
 
         run.reach(link)
@@ -297,7 +297,7 @@ def add_care_commands(group: Group) -> None:
 
             hour = light.FirstLight(hand, run.prompts, ask, lambda: ping(hand), attended=attended)
             hour.run(steps, skip, repeat)
-            lost = facts.keep(path, hand, hour.outcomes, identify=identify) if path is not None else None
+            lost = facts_file.keep(path, hand, hour.outcomes, identify=identify) if path is not None else None
             table = table_of(hour.outcomes, hand.kind)
             table.failure = light.verdict_of(hour) or lost
             return table

@@ -1,4 +1,4 @@
-"""Troubleshooting as read-only checks (barrett §8, with the limits of `health`), and the steps to do by hand.
+"""Troubleshooting as read-only checks (barrett §8, with the limits of `health_limits`), and the steps to do by hand.
 
 Without an answer there are rows all the same: the speeds that were tried, and every other check skipped. A warning or a
 fail is a finding. A check moves nothing and writes nothing; the trials at the end move the hand, when they are asked for.
@@ -20,11 +20,11 @@ from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, motors_of
 from handctl.devices.barrett.gcl.session_start import look_for_motion
-from handctl.devices.barrett.maintenance import health, lubrication, strain
-from handctl.devices.barrett.maintenance.health import Finding, verdict
+from handctl.devices.barrett.maintenance import health_limits, lubrication, strain_gauges
+from handctl.devices.barrett.maintenance.health_limits import Finding, verdict
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
-from handctl.devices.barrett.map import BARRETT, FINGERS, NO_GAUGE, OFF, standard, travel_seconds
-from handctl.devices.barrett.views import CHECKED
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, NO_GAUGE, OFF, standard, travel_seconds
+from handctl.devices.barrett.status_and_parameter_views import CHECKED
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -36,12 +36,12 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.model.checks import FAIL, OK, SKIPPED, TONES, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING
 from handctl.model.movement import ANY, REACHED
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.model.stop_sequence import ended_by_interrupt
+from handctl.model.stop_on_interrupt import ended_by_interrupt
 from handctl.wording import plural
 
 USUAL = ("firmware", "status", "can_move", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")
@@ -129,10 +129,10 @@ def status(patient: ExaminedHand) -> list[Finding]:
 
 
 def _statuses(patient: ExaminedHand) -> list[Finding]:
-    found = [health.motor_status(motor, patient.values["S", motor]) for motor in MOTORS]
+    found = [health_limits.motor_status(motor, patient.values["S", motor]) for motor in MOTORS]
     if len({finding.evidence for finding in found}) == 1:
         one = found[0]._replace(check="status", evidence=f"all motors: {found[0].evidence}")
-        if patient.values["S", MOTORS[0]] == health.NOT_INITIALIZED:  # as every hand is after power-on
+        if patient.values["S", MOTORS[0]] == health_limits.NOT_INITIALIZED:  # as every hand is after power-on
             return [one._replace(status=OK, evidence=f"{one.evidence}, as after power-on")]
         return [one]
     return found
@@ -140,13 +140,13 @@ def _statuses(patient: ExaminedHand) -> list[Finding]:
 
 def can_move(patient: ExaminedHand) -> list[Finding]:
     """One forecast per motor from limits, gains, enables, targets, temperature and state; nothing is moved."""
-    return health.forecast(patient.values)
+    return health_limits.forecast(patient.values)
 
 
 def parameters(patient: ExaminedHand) -> list[Finding]:
     """Every setting against range, recommended limit and factory value."""
     values = patient.values
-    found = health.settings(values)
+    found = health_limits.settings(values)
     changed = [
         f"{name}{f'.{motor}' if motor else ''}"
         for (name, motor), value in values.items()
@@ -170,12 +170,12 @@ def parameters(patient: ExaminedHand) -> list[Finding]:
 
 def over_temperature_limit(patient: ExaminedHand) -> list[Finding]:
     """OTEMP, which is in tenths of a degree."""
-    return [health.over_temperature_limit(patient.values["OTEMP", None])]
+    return [health_limits.over_temperature_limit(patient.values["OTEMP", None])]
 
 
 def temperature(patient: ExaminedHand) -> list[Finding]:
     """Now, and the highest of its life."""
-    return [health.temperature(patient.values["TEMP", None]), health.peak(patient.values["PTEMP", None])]
+    return [health_limits.temperature(patient.values["TEMP", None]), health_limits.peak(patient.values["PTEMP", None])]
 
 
 def odometer(patient: ExaminedHand) -> list[Finding]:
@@ -192,8 +192,8 @@ def odometer(patient: ExaminedHand) -> list[Finding]:
 
 def strain_(patient: ExaminedHand) -> list[Finding]:
     """No-load readings against 100 to 140; skipped when the fingers are not open."""
-    loaded = strain.loaded_fingers(patient.hand)
-    found = health.no_load(strain.measure(patient.hand, 5))
+    loaded = strain_gauges.loaded_fingers(patient.hand)
+    found = health_limits.no_load(strain_gauges.measure(patient.hand, 5))
     if not loaded:
         return found
     remedy, why = (
@@ -247,7 +247,7 @@ def velocities(patient: ExaminedHand) -> list[Finding]:
         f"{name}.{motor} {patient.values[name, motor]}"
         for name in ("MOV", "MCV")
         for motor in MOTORS
-        if patient.values[name, motor] < health.LEAST_VELOCITY
+        if patient.values[name, motor] < health_limits.LEAST_VELOCITY
     ]
     remedy = Hint("{}, 60 for the spread, then {}", "barrett set MOV=100 MCV=100 --motors G", "barrett init")
     wrong = f"below 40: {', '.join(slow)}" if slow else ""
@@ -520,7 +520,7 @@ def initialize(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Fin
     for row in table.rows:
         check, code = f"initialize.{row['motor']}", row["status"]
         good = Finding(check, OK, f"ready at {row['value']}", source="barrett §5.2.1")
-        bad = health.motor_status(row["motor"], code or 0)._replace(check=check, status=FAIL)
+        bad = health_limits.motor_status(row["motor"], code or 0)._replace(check=check, status=FAIL)
         found.append(good if code == 0 else bad)
     return found
 
@@ -570,7 +570,7 @@ def strain_curve(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[F
                 seen[row["motor"]].append(row["strain"])
     _moved(patient, digits, "O", None, prompts)
     found = []
-    width = health.NO_LOAD[1] - health.NO_LOAD[0]
+    width = health_limits.NO_LOAD[1] - health_limits.NO_LOAD[0]
     for motor, values in seen.items():
         check, source = f"strain_curve.{motor}", "barrett §8, §9.4"
         if not values or set(values) == {NO_GAUGE}:
@@ -579,7 +579,7 @@ def strain_curve(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[F
         evidence = f"{min(values)} to {max(values)} in {plural(len(values), 'step')} of {STEP_COUNTS} counts"
         wrong = f"{evidence}: more than {width} in free air" if max(values) - min(values) > width else ""
         remedy = "if nothing touched it, check the pretension (§7.1), the potentiometer (§7.4) and the idler pulley (Figure 18)"
-        found.append(health.verdict(check, source, evidence, wrong, remedy))
+        found.append(health_limits.verdict(check, source, evidence, wrong, remedy))
     return found
 
 
@@ -595,7 +595,7 @@ def torque_speed(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[F
     evidence = ", ".join(f"{motor} {speed:.0f}" for motor, speed in speeds.items()) + " counts a second"
     wrong = evidence if max(speeds.values()) > UNEVEN * min(speeds.values()) else ""
     remedy = "grease the slow finger (§7.3), or compensate with MCV or FPG"
-    return [health.verdict("torque_speed", "barrett §8", evidence, wrong, remedy)]
+    return [health_limits.verdict("torque_speed", "barrett §8", evidence, wrong, remedy)]
 
 
 def spread_time(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:

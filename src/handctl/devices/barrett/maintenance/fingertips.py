@@ -18,8 +18,18 @@ from typing import Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.map import BARRETT, FINGERS, implausible
-from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, NOT_HOMED, UNIT, VALUE, live, row_of, why_impossible
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, implausible
+from handctl.devices.barrett.status_and_parameter_views import (
+    DOUBT,
+    MOTOR,
+    NAME,
+    NOT_HOMED,
+    UNIT,
+    VALUE,
+    live,
+    row_of,
+    why_impossible,
+)
 from handctl.errors import Hint, ProtocolError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table
 

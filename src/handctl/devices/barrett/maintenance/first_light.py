@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 from handctl.devices.barrett import proofs
 from handctl.devices.barrett.device import BarrettHand, step_of
-from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, explain_status, has_prompt, shows_heat
-from handctl.devices.barrett.maintenance import harm, health, lubrication, strain
+from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, has_prompt
+from handctl.devices.barrett.gcl.status_codes import explain_status, shows_heat
+from handctl.devices.barrett.maintenance import health_limits, lubrication, signs_of_harm, strain_gauges
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values, slowest
-from handctl.devices.barrett.map import BARRETT, FINGERS, travel_seconds
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, travel_seconds
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -27,7 +28,7 @@ from handctl.errors import (
     NotPresent,
     UsageError,
 )
-from handctl.model.checks import OK, SKIPPED
+from handctl.model.check_rows import OK, SKIPPED
 from handctl.model.movement import CODES, REACHED, UNREAD
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
@@ -124,7 +125,7 @@ def _firmware(hand: BarrettHand) -> Observation:
 def _read(hand: BarrettHand) -> Values:
     """All settings and states. Raises SignOfHarm where the status of a motor shows heat."""
     values = ExaminedHand(hand, simulated=lambda: hand.link.fake).read()
-    harm.refuse_heat(hand, values)
+    signs_of_harm.refuse_heat(hand, values)
     return values
 
 
@@ -143,7 +144,7 @@ def _settings(hand: BarrettHand) -> Observation:
         for (name, motor), value in written.items()
         if value != BARRETT.by_mnemonic(name).default_of(MOTORS.index(motor) if motor else 0)
     ]
-    if harmful := harm.objections(once):
+    if harmful := signs_of_harm.objections(once):
         return Observation("harmful", "; ".join(harmful[:3]))
     absent = [name for name, error in once.errors.items() if isinstance(error, NotPresent)]
     missing = f". Not on this firmware: {', '.join(absent)}" if absent else ""
@@ -153,14 +154,14 @@ def _settings(hand: BarrettHand) -> Observation:
 
 
 def _temperature(hand: BarrettHand) -> Observation:
-    now, limit = harm.heat(hand)
+    now, limit = signs_of_harm.heat(hand)
     return Observation(now / 10, f"{now / 10:.1f} °C now, and the limit is {limit / 10:.1f} °C")
 
 
 def _strain(hand: BarrettHand) -> Observation:
-    if loaded := strain.loaded_fingers(hand):
+    if loaded := strain_gauges.loaded_fingers(hand):
         return Observation(None, f"not without load: {', '.join(loaded)}")
-    found = health.no_load(strain.measure(hand, READINGS))
+    found = health_limits.no_load(strain_gauges.measure(hand, READINGS))
     if found[0].status == SKIPPED:
         return Observation("no gauges", found[0].evidence)
     wrong = [one.check.rpartition(".")[2] for one in found if one.status != OK]
@@ -172,7 +173,7 @@ def _grease(name: str, hand: BarrettHand) -> Observation:
     due: list[Row] = [row for row in rows if row["status"] != OK]
     text = "; ".join(f"{row['point']} {row['value']} strokes, {row['label']}" for row in due[:3])
     more = f"; and {len(due) - 3} more points" if len(due) > 3 else ""
-    return Observation("due" if due else "not due", (text or f"all below {health.LUBRICATION} strokes") + more)
+    return Observation("due" if due else "not due", (text or f"all below {health_limits.LUBRICATION} strokes") + more)
 
 
 # -- movement --------------------------------------------------------------------------------------------------------
@@ -183,7 +184,7 @@ def _initialize(hand: BarrettHand, prompts: Prompts) -> Observation:
     seen, wrong = [], []
     for digit, motor in enumerate(MOTORS, 1):
         try:
-            (row,), seconds = harm.driven(hand, str(digit), "HI", None, prompts)
+            (row,), seconds = signs_of_harm.driven(hand, str(digit), "HI", None, prompts)
             status = row["status"] or 0
         except DeviceRefused as exc:
             if is_harm(exc):
@@ -201,7 +202,7 @@ def _origin(hand: BarrettHand, prompts: Prompts) -> Observation:
     """HOME of each motor ends at 0, within MPE."""
     places, wrong = [], []
     for digit, motor in enumerate(MOTORS, 1):
-        (row,), _ = harm.driven(hand, str(digit), "HOME", None, prompts)
+        (row,), _ = signs_of_harm.driven(hand, str(digit), "HOME", None, prompts)
         places.append(f"{motor} {row['value']}")
         if row["arrival"] != REACHED:
             wrong.append(f"{motor} at {row['value']}")
@@ -211,12 +212,12 @@ def _origin(hand: BarrettHand, prompts: Prompts) -> Observation:
 def _speed(motors: Collection[int], hand: BarrettHand, prompts: Prompts) -> Observation:
     """Each of `motors` closes and opens alone: where it ends, and how long it takes against its own settings."""
     set_to = hand.by_name("MCV", "MOV", "SAMPLE", motors=motors)
-    harm.driven(hand, "123", "O", None, prompts)  # the spread may move beside open fingers only
+    signs_of_harm.driven(hand, "123", "O", None, prompts)  # the spread may move beside open fingers only
     times, wrong = [], []
     for index in motors:
         motor = MOTORS[index]
         for name, velocity in (("O", ""), ("C", "MCV"), ("O", "MOV")):
-            (row,), seconds = harm.driven(hand, str(index + 1), name, None, prompts)
+            (row,), seconds = signs_of_harm.driven(hand, str(index + 1), name, None, prompts)
             if row["arrival"] != REACHED:
                 wrong.append(f"{motor} {name}: {row['ended']} at {row['value']}")
             if velocity:
@@ -236,21 +237,21 @@ def _free(hand: BarrettHand, prompts: Prompts) -> Observation:
     """Each finger closes in free air: no clutch may let go (barrett §8, premature breakaway)."""
     early, ends = [], []
     for index, motor in enumerate(FINGERS):
-        harm.driven(hand, str(index + 1), "O", None, prompts)
-        (row,), _ = harm.driven(hand, str(index + 1), "C", None, prompts)
+        signs_of_harm.driven(hand, str(index + 1), "O", None, prompts)
+        (row,), _ = signs_of_harm.driven(hand, str(index + 1), "C", None, prompts)
         place = _broken(hand, index)
         ends.append(f"{motor} closed to {row['value']}" + ("" if place is None else f", let go at {place}"))
         early += [] if place is None else [motor]
-        harm.driven(hand, str(index + 1), "O", None, prompts)
+        signs_of_harm.driven(hand, str(index + 1), "O", None, prompts)
     return Observation(", ".join(early) or "none", "; ".join(ends))
 
 
 def _grasp(hand: BarrettHand, prompts: Prompts) -> Observation:
     """F3 closes on an object that meets its inner link: its clutch lets go, and opening resets it (barrett §9.3.1, §9.5)."""
     index = int(GRASPING) - 1
-    harm.driven(hand, GRASPING, "C", None, prompts)
+    signs_of_harm.driven(hand, GRASPING, "C", None, prompts)
     place = _broken(hand, index)
-    harm.driven(hand, GRASPING, "O", None, prompts)
+    signs_of_harm.driven(hand, GRASPING, "O", None, prompts)
     left = _broken(hand, index)
     value = "did not let go" if place is None else "stays broken away" if left is not None else "lets go and resets"
     return Observation(value, f"{FINGERS[index]}: " + ("BD 0 after C" if place is None else f"BP {place}") + f", BD {int(left is not None)} after O")  # fmt: skip
@@ -370,7 +371,9 @@ class FirstLight:
             return Outcome(proof, verdict, None, exc.text, why=exc.code)
         if proof.level == MOVE and outcome.why == "disturbed":
             raise SignOfHarm(
-                f"{self.hand.link.name}: {proof.name}: {outcome.evidence}", hint=harm.CHECK_CABLE, code="disturbed"
+                f"{self.hand.link.name}: {proof.name}: {outcome.evidence}",
+                hint=signs_of_harm.CHECK_CABLE,
+                code="disturbed",
             )
         return outcome
 
@@ -386,15 +389,15 @@ class FirstLight:
                 return _none(step, why, "this firmware does not have BD and BP (4.34 and later do)")
         if step.proof.level != MOVE:
             return None
-        now = harm.look(self.hand)
+        now = signs_of_harm.look_for_harm(self.hand)
         if self._values is None:
             self._values = _read(self.hand)
-        if harmful := harm.objections(
-            now | {key: value for key, value in self._values.items() if key[0] not in health.HARMFUL}
+        if harmful := signs_of_harm.objections(
+            now | {key: value for key, value in self._values.items() if key[0] not in health_limits.HARMFUL}
         ):
             text = f"nothing is moved with this: {'; '.join(harmful[:3])}"
             return Outcome(step.proof, REFUSED, None, text, why="settings")
-        if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & health.NOT_INITIALIZED]:
+        if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & health_limits.NOT_INITIALIZED]:
             return Outcome(step.proof, REFUSED, None, f"{', '.join(lost)}: not initialized, and HI must come first", why="not-initialized")  # fmt: skip
         return None
 
@@ -403,7 +406,7 @@ class FirstLight:
         if isinstance(error, Interrupted | LinkError):  # it was stopped, or cannot be reached
             return
         if self._moved or isinstance(error, SignOfHarm):
-            harm.stop(self.hand, error)
+            signs_of_harm.stop(self.hand, error)
 
 
 def _none(step: LightStep, why: str, text: str) -> Outcome:

@@ -12,12 +12,23 @@ from typing import Any, NamedTuple
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.maintenance import health
-from handctl.devices.barrett.map import BARRETT, FINGERS
-from handctl.devices.barrett.views import LABEL, MOTOR, NAME, SECTION, STATUS, STROKE, UNIT, VALUE, row_of, why_doubtful
+from handctl.devices.barrett.maintenance import health_limits
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS
+from handctl.devices.barrett.status_and_parameter_views import (
+    LABEL,
+    MOTOR,
+    NAME,
+    SECTION,
+    STATUS,
+    STROKE,
+    UNIT,
+    VALUE,
+    row_of,
+    why_doubtful,
+)
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
-from handctl.model.checks import FAIL, SKIPPED, TONES, WARNING
+from handctl.model.check_rows import FAIL, SKIPPED, TONES, WARNING
 from handctl.model.result import Cell, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"
@@ -130,18 +141,18 @@ class MaintenanceLog:
 
     def _point(self, point: GreasePoint, motor: str, entry: dict[str, Any] | None) -> Row:
         since = self.strokes(motor, self.at["OD", motor] - (entry["odometer"] if entry is not None else 0))
-        left = int(health.LUBRICATION - since)
+        left = int(health_limits.LUBRICATION - since)
         never = WHOSE if self.ambiguous else NEVER
         when = f"greased {entry['date']}" if entry is not None else never
         name = f"lubrication_{point.name.replace('-', '_')}"
         label = f"{when}; {f'due in {left}' if left >= 0 else f'overdue by {-left}'}"
         done = _row(
-            name, "OD", motor, int(since), "strokes", status=health.due(since), label=label, source=point.source
+            name, "OD", motor, int(since), "strokes", status=health_limits.due(since), label=label, source=point.source
         )
         return done | {
             "point": f"{point.name}.{motor}",
             "title": point.title,
-            "due_at": health.LUBRICATION,
+            "due_at": health_limits.LUBRICATION,
             "greased": entry["date"] if entry is not None else None,
         }
 
@@ -157,9 +168,9 @@ class MaintenanceLog:
             ]
         rows += self.lubrication()
         for name, mnemonic, verdict in (
-            ("temperature", "TEMP", health.temperature),
-            ("peak_temperature", "PTEMP", health.peak),
-            ("over_temperature_limit", "OTEMP", health.over_temperature_limit),
+            ("temperature", "TEMP", health_limits.temperature),
+            ("peak_temperature", "PTEMP", health_limits.peak),
+            ("over_temperature_limit", "OTEMP", health_limits.over_temperature_limit),
         ):
             if (mnemonic, None) not in self.at:
                 continue
@@ -240,7 +251,7 @@ def view(rows: list[Row]) -> list[Grid]:
     return [
         Grid(("Motor", "Odometer", "Strokes", "Cycles"), way, right=frozenset({1, 2, 3})),
         Grid(
-            ("Point", "Lubrication", "Strokes", "Status", f"Due at {health.LUBRICATION}"),
+            ("Point", "Lubrication", "Strokes", "Status", f"Due at {health_limits.LUBRICATION}"),
             greasing,
             right=frozenset({2}),
             notes=(*when, *sections),

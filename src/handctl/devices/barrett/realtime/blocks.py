@@ -18,7 +18,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import DISTURBED, PROMPT
-from handctl.devices.barrett.map import with_sign
+from handctl.devices.barrett.parameter_map import with_sign
 from handctl.errors import ProtocolError, UsageError
 
 ACKNOWLEDGE = 0x2A

@@ -12,8 +12,8 @@ from handctl.command.command_tree import Group
 from handctl.command.options import InFile, OutFile, WholeRange, mark_options, streaming, suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import encode
-from handctl.devices.barrett.map import BARRETT, TRAVEL
-from handctl.devices.barrett.views import DOUBT, MOTOR, NAME, UNIT, VALUE
+from handctl.devices.barrett.parameter_map import BARRETT, TRAVEL
+from handctl.devices.barrett.status_and_parameter_views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
@@ -166,12 +166,12 @@ def add_realtime(group: Group) -> None:
         """
         from handctl.devices.barrett.maintenance.fingertips import RANGES
         from handctl.devices.barrett.motion import moved
-        from handctl.devices.barrett.realtime import schedule
-        from handctl.devices.barrett.realtime.flags import FlagRequest, refuse_disabled
-        from handctl.devices.barrett.realtime.laws import Rules
+        from handctl.devices.barrett.realtime import control_values
+        from handctl.devices.barrett.realtime.control_laws import Rules
+        from handctl.devices.barrett.realtime.enter_and_leave import steps_of
         from handctl.devices.barrett.realtime.loop import RealtimeLoop
-        from handctl.devices.barrett.realtime.rows import measured
-        from handctl.devices.barrett.realtime.session import steps_of
+        from handctl.devices.barrett.realtime.loop_flags import FlagRequest, refuse_disabled
+        from handctl.devices.barrett.realtime.loop_rows import measured
 
         if measure is not None and angles:
             raise UsageError("--angles cannot be combined with --measure", hint="leave one of them out")
@@ -185,12 +185,12 @@ def add_realtime(group: Group) -> None:
                 "--log cannot be combined with --measure, nor --mark-stdin with --control -",
                 hint="leave one of them out",
             )
-        indices = schedule.loop_motors(motors)
-        received, temperature = schedule.received(receive, indices)
+        indices = control_values.loop_motors(motors)
+        received, temperature = control_values.received(receive, indices)
         rules = Rules(laws, until, indices, columns=path is not None)
-        given = schedule.controls_of(send, velocity, gain, path, indices, run.settings.deadline, rules.columns)
+        given = control_values.controls_of(send, velocity, gain, path, indices, run.settings.deadline, rules.columns)
         controls = rules.over(given)
-        if isinstance(given, schedule.Live):
+        if isinstance(given, control_values.Live):
             threading.Thread(target=given.listen, daemon=True).start()
         off = set(GUARDS) if "all" in unguarded else {*unguarded, *(["opening"] if force else [])}
         flag_request = FlagRequest(

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.map import OFF, TRAVEL, implausible
+from handctl.devices.barrett.parameter_map import OFF, TRAVEL, implausible
 from handctl.devices.barrett.realtime.blocks import Values
 from handctl.errors import UsageError
 

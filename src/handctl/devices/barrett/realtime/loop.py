@@ -16,8 +16,7 @@ from typing import Any
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import DISTURBED, Answer
 from handctl.devices.barrett.gcl.line import COLON_ALONE, restarted_in
-from handctl.devices.barrett.map import BARRETT
-from handctl.devices.barrett.realtime.angles import clutches
+from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK_ONLY,
     NEITHER,
@@ -27,12 +26,13 @@ from handctl.devices.barrett.realtime.blocks import (
     Values,
     still,
 )
-from handctl.devices.barrett.realtime.flags import FlagRequest, prepare
+from handctl.devices.barrett.realtime.control_laws import Rules
+from handctl.devices.barrett.realtime.control_values import Controls
+from handctl.devices.barrett.realtime.enter_and_leave import Session
 from handctl.devices.barrett.realtime.guards import Guards
-from handctl.devices.barrett.realtime.laws import Rules
-from handctl.devices.barrett.realtime.rows import Intake, Sent, Taken
-from handctl.devices.barrett.realtime.schedule import Controls
-from handctl.devices.barrett.realtime.session import Session
+from handctl.devices.barrett.realtime.joint_angles import clutches
+from handctl.devices.barrett.realtime.loop_flags import FlagRequest, prepare
+from handctl.devices.barrett.realtime.loop_rows import Intake, Sent, Taken
 from handctl.devices.barrett.stopper import power_off
 from handctl.errors import (
     Aftermath,

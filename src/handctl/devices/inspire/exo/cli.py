@@ -14,7 +14,7 @@ from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
-from handctl.devices.inspire.map import BAUD_RATES, EXO, address_in
+from handctl.devices.inspire.register_map import BAUD_RATES, EXO, address_in
 from handctl.errors import Hint, UsageError
 from handctl.model.result import Table
 

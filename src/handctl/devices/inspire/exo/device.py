@@ -1,7 +1,7 @@
 """The EH55BF1 exoskeleton hand: reading, writing and judging its registers. Returns readings and Tables.
 
 Someone may be wearing it: everything is checked against the manual before a byte is sent. Id and speed are in
-`procedures`, and what is kept; the search for hands is in `scan`.
+`id_baud_save_reset`, and what is kept; the search for hands is in `scan`.
 
 What moves over a time is at the end: calibration, and a position command until the fingers stand still. What cannot be stopped
 is said before and after.
@@ -13,20 +13,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from handctl.devices.inspire import eb90, identity
-from handctl.devices.inspire.identity import identify_alone
-from handctl.devices.inspire.map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
+from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
+from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import Release, SetpointPair, limits_of
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Element, Number, Reading, Step, elements_of, given
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Journal, Row, Table
-from handctl.model.settings import Settings
-from handctl.model.stop_sequence import stopped_by_ctrl_c
+from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""
@@ -132,7 +132,7 @@ class ExoHand(RegisterDevice):
         readings = super().write(calm) if calm else []
         for element, value in changes:
             if element.param.name == "id":
-                from handctl.devices.inspire.procedures import change_id
+                from handctl.devices.inspire.id_baud_save_reset import change_id
 
                 change_id(self, int(value))
                 readings += self.read([element])
@@ -140,7 +140,7 @@ class ExoHand(RegisterDevice):
 
     def find_for_restore(self, values: dict[str, Number]) -> None:
         """Make `bus.id` the one that answers: after an interrupted restore that may be the snapshot's id already."""
-        from handctl.devices.inspire.procedures import probe
+        from handctl.devices.inspire.id_baud_save_reset import probe
 
         stored = values.get("id")
         if stored is None or stored == self.bus.id or probe(self.bus, self.bus.id):
@@ -207,9 +207,9 @@ class ExoHand(RegisterDevice):
 
     def not_at(self, rate: int) -> HandctlError:
         """The error of a hand that does not answer at a speed that it was given. Looks where it does."""
-        from handctl.devices.inspire import procedures
+        from handctl.devices.inspire import id_baud_save_reset
 
-        found = procedures.find_speed(self.bus)
+        found = id_baud_save_reset.find_speed(self.bus)
         where = f"It replies at {found} bit/s" if found else "It does not reply at any of the three baud rates"
         return NoAnswer(
             f"{self.bus.link.name}: no hand at {rate} bit/s after the power-cycle. {where}",
@@ -364,7 +364,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
     result says so. Raises Interrupted on Ctrl-C: no command stops a calibration.
     """
-    from handctl.devices.inspire.procedures import outcome, wait_for_calibration
+    from handctl.devices.inspire.id_baud_save_reset import outcome, wait_for_calibration
 
     bus = hand.bus
     begun = hand.journal.ledger.mark

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire import procedures
-from handctl.devices.inspire.hand.map import DF, IP_ADDRESS, MODELS, TP
+from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire.hand.generations import DF, MODELS, TP
+from handctl.devices.inspire.hand.register_map import IP_ADDRESS
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.model.param import Element, Number, elements_of
@@ -171,10 +172,10 @@ def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycle
         )
     if before == list(octets):
         hand.journal.info("already", f"the hand already has the address {'.'.join(map(str, before))}. Saving it again")
-        return procedures.save(hand, prompts)
+        return id_baud_save_reset.save(hand, prompts)
     new, old = ".".join(map(str, octets)), ".".join(map(str, before))
     table = hand.table(hand.write(address_plan(hand, octets)))
-    table.rows += procedures.save(hand, prompts).rows
+    table.rows += id_baud_save_reset.save(hand, prompts).rows
     if cycled_next:
         return table
     hand.journal.warn(

@@ -19,29 +19,30 @@ from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell
 from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS, streaming
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
+from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generation import (
-    ModelGate,
+from handctl.devices.inspire.hand.generations import DG2
+from handctl.devices.inspire.hand.model_and_protocol import (
     asks_rtu,
-    check,
+    check_model_and_port,
     map_of,
     other_maps,
     over_tcp,
     protocol_of,
-    simulated,
+    simulator_options,
     typed_model,
 )
-from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
-from handctl.devices.inspire.map import ALONE, address_in
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, HAND_BAUD_RATES
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import RegisterBus
+from handctl.devices.inspire.register_map import ALONE, address_in
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink, FrameLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.param import COMMAND, Element, Number, Step, elements_of, given
 from handctl.model.result import Column, Journal, Row, Table
-from handctl.model.settings import Settings
-from handctl.system.folders import config_path
+from handctl.system.user_folders import config_path
 
 if TYPE_CHECKING:
     from handctl.command.config import Config
@@ -87,11 +88,11 @@ cli = Group(
         wires=("serial", "can", "modbus-tcp"),
         tcp_port=TCP_PORT,
         ids=True,
-        check=check,
+        check=check_model_and_port,
         map_of=map_of,
         other_maps=other_maps,
-        simulated=simulated,
-        speeds=tuple(SPEEDS.values()),
+        simulated=simulator_options,
+        speeds=tuple(HAND_BAUD_RATES.values()),
     ),
     first=("angle", "position", "speed", "force", "clear-errors", "calibrate", "scan"),
     help="Inspire RH56 dexterous hands, over RS-232, RS-485, CAN or Modbus. For Modbus TCP use -p tcp://HOST. "

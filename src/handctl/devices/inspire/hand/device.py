@@ -1,7 +1,7 @@
 """The RH56 hands: reading, writing and judging their registers, whichever generation and wire. Returns readings and Tables.
 
 A hand sits on a robot or a bench. It closes within a second: what moves it is asked for first, and refused while the
-hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `procedures`, which generation it is in `generation`.
+hand reports a fault (rh56 §9). Movements are in `motion`, what is kept in `id_baud_save_reset`, which generation it is in `detect_generation`.
 """
 
 from __future__ import annotations
@@ -10,26 +10,21 @@ from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
-from handctl.devices.inspire.hand.generation import LABEL, Found, ModelGate, contradiction
-from handctl.devices.inspire.hand.map import (
-    BLOCKED,
+from handctl.devices.inspire.duplicate_id import naming_duplicate_id
+from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, refuse_other_generation
+from handctl.devices.inspire.hand.generations import DF, DG2, F1, FORCE_MOST, MODELS, THUMB_DEFAULT, TP
+from handctl.devices.inspire.hand.register_map import (
     BYTE_MAP,
-    CAN_SPEEDS,
-    DF,
-    DG2,
-    F1,
-    FORCE_MOST,
-    HOT,
+    HAND_BAUD_RATES,
+    HAND_CAN_BITRATES,
     IP_ADDRESS,
     MAPS,
-    MODELS,
+    NO_MOVE_STATUS,
     OVER_TEMPERATURE,
-    SPEEDS,
-    THUMB_DEFAULT,
-    TP,
+    TOO_HOT_TO_MOVE,
     HandRegister,
 )
-from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, naming_duplicate_id, stranger
+from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stranger
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
@@ -144,7 +139,7 @@ class Hand(RegisterDevice):
         found = self.answered(lambda: self.gate.seen(self.bus, self._other))
         if found.kind.family != "hand":
             raise stranger(self.bus, found.kind, BYTE_HAND, found.evidence)
-        contradiction(self.bus, found, self.typed)
+        refuse_other_generation(self.bus, found, self.typed)
         return found
 
     def know(self) -> None:
@@ -338,8 +333,8 @@ class Hand(RegisterDevice):
 
     def speeds(self) -> Mapping[int, int]:
         if self.bus.wire == "can":
-            return CAN_SPEEDS
-        return {code: rate for code, rate in SPEEDS.items() if code < 3 or self.typed in (None, TP, F1)}
+            return HAND_CAN_BITRATES
+        return {code: rate for code, rate in HAND_BAUD_RATES.items() if code < 3 or self.typed in (None, TP, F1)}
 
     def show_speed(self) -> Table:
         from handctl.devices.inspire.hand import baud_and_network as place
@@ -379,12 +374,12 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
             text = f"{part}: {param.label(value)} (0x{int(value):02X})"
             if int(value) & OVER_TEMPERATURE:
                 text += f", ends by cooling, now {at.get(f'temperature.{part}')} °C"
-            if at.get(f"status.{part}") in BLOCKED:
+            if at.get(f"status.{part}") in NO_MOVE_STATUS:
                 text += f", status {at[f'status.{part}']}"
             found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
-        elif param.name == "status" and value in BLOCKED and not at.get(f"error.{part}"):
+        elif param.name == "status" and value in NO_MOVE_STATUS and not at.get(f"error.{part}"):
             found.append(Finding(f"{part}: status {value}, {param.label(value)}", (str(param.label(value)),)))
-        elif param.name == "temperature" and value != 255 and value >= HOT:
+        elif param.name == "temperature" and value != 255 and value >= TOO_HOT_TO_MOVE:
             found.append(Finding(f"{part}: {value} °C", ("hot",)))
         elif not param.bits and not param.allowed(value):
             text = f"{reading.element.full_name} = {value} is outside {param.range_text} ({param.source})"
@@ -453,7 +448,7 @@ def status_view(rows: list[Row], spoken: tuple[str, str]) -> list[Grid]:
     code = at.get(("baud_code", None), {}).get("value")
     number = at.get(("id", None), {}).get("value", "?")
     model, wire = spoken
-    speeds = CAN_SPEEDS if wire == "CAN" else SPEEDS
+    speeds = HAND_CAN_BITRATES if wire == "CAN" else HAND_BAUD_RATES
     rate = f"{speeds.get(code, '?') if isinstance(code, int) else '?'} bit/s"
     line = wire if wire == "Modbus TCP" else f"{wire or 'serial'}, {rate}"
     head = f"id {number}, {model}, {line}"

@@ -14,17 +14,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
-from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, HOT, UNMEASURED
-from handctl.devices.inspire.map import ALONE, pushes
-from handctl.devices.inspire.procedures import outcome, wait_for_calibration
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, NO_TEMPERATURE, TOO_HOT_TO_MOVE
+from handctl.devices.inspire.id_baud_save_reset import outcome, wait_for_calibration
 from handctl.devices.inspire.register_device import Movement
+from handctl.devices.inspire.register_map import ALONE, pushes
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
 from handctl.model.param import Changes, Element, Number, Reading, ValueChange, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
-from handctl.model.stop_sequence import on_early_end
+from handctl.model.stop_on_interrupt import on_early_end
 
 MOVED = {course.target: course.actual for course in SETPOINT_PAIRS}
 """What is commanded -> what shows where it is."""
@@ -66,9 +66,9 @@ def _against(reading: Reading) -> str:
     name, value, part = reading.element.param.name, int(reading.value or 0), reading.element.part
     if name == "error" and value:
         return f"{part} reports {reading.element.param.label(value)}"
-    if name == "status" and value in BLOCKED:
+    if name == "status" and value in NO_MOVE_STATUS:
         return f"{part} has status {value}, {reading.element.param.label(value)}"
-    if name == "temperature" and value != UNMEASURED and value >= HOT:
+    if name == "temperature" and value != NO_TEMPERATURE and value >= TOO_HOT_TO_MOVE:
         return f"{part} has {value} °C"
     return ""
 
@@ -172,7 +172,7 @@ def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
 def _seen(place: Reading, status: Reading) -> AxisReading:
     """A finger by its place and its status code."""
     code = None if status.value is None else int(status.value)
-    blocked = status.element.param.label(code) or "" if code in BLOCKED else ""
+    blocked = status.element.param.label(code) or "" if code in NO_MOVE_STATUS else ""
     contact = status.element.param.label(code) or "" if code == FORCE_REACHED else ""
     return AxisReading(place.value, None if code is None else code in MOVING, blocked, contact)
 
@@ -180,7 +180,7 @@ def _seen(place: Reading, status: Reading) -> AxisReading:
 def _evidence(hand: Hand, seen: Watch, last: Sequence[Reading]) -> dict[str, AxisReading]:
     """Of fingers that stand off their targets, also the current shows an object; but not whatever status says already."""
     status = {reading.element.part: reading for reading in last if reading.element.param.name == "status"}
-    short = [part for part in seen.short if status[part].value not in (*BLOCKED, FORCE_REACHED)]
+    short = [part for part in seen.short if status[part].value not in (*NO_MOVE_STATUS, FORCE_REACHED)]
     elements = [element for element in elements_of(hand.map["current"]) if element.part in short]
     return {
         reading.element.part or "": AxisReading(None, contact=pushes(int(reading.value or 0)))

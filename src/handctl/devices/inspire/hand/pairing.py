@@ -13,19 +13,19 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import NamedTuple, Protocol
 
-from handctl.devices.inspire import procedures
+from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire.duplicate_id import naming_duplicate_id, refuse_duplicate_id
 from handctl.devices.inspire.hand import baud_and_network
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.motion import nudge, plan_nudge
 from handctl.devices.inspire.hand.probe import TARGET, fingerprint
-from handctl.devices.inspire.identity import naming_duplicate_id, refuse_duplicate_id
 from handctl.devices.inspire.scan import sweep
 from handctl.errors import Aftermath, CheckFailed, HandctlError, Hint, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
 from handctl.model.param import Step, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.scan_task import ScanTask
-from handctl.model.stop_sequence import on_early_end
+from handctl.model.stop_on_interrupt import on_early_end
 from handctl.wording import plural
 
 LEFT, RIGHT = "left", "right"
@@ -199,7 +199,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         f"This changes id {number} to {new} at once, on the connected hand, and saves it once both hands reply",
         [*steps, saving],
     )
-    procedures.change_id(hand, new, saved_next=True)
+    id_baud_save_reset.change_id(hand, new, saved_next=True)
     with on_early_end(
         Aftermath(
             f"one hand has id {new} until the next power-cycle",
@@ -209,7 +209,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
         by=HandctlError,
     ):
         _done(bench, "Plug the other hand back in, and keep this one switched on. Then press Enter")
-        missing = [one for one in (number, new) if not procedures.probe(hand.bus, one)]
+        missing = [one for one in (number, new) if not id_baud_save_reset.probe(hand.bus, one)]
         if missing:
             raise CheckFailed(
                 f"{hand.link.name}: no hand responds to id {' or '.join(map(str, missing))}",
@@ -218,7 +218,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
             )
         changed = bench.hand(new)
         changed.know()
-        procedures.save(changed, bench.prompts)
+        id_baud_save_reset.save(changed, bench.prompts)
     return [changed, bench.hand(number)]
 
 

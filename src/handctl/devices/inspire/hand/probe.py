@@ -10,13 +10,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire.hand.generation import AT, LABEL, asks_rtu, look, spoken
-from handctl.devices.inspire.hand.map import BLOCKED, BYTE_MAP, FINGERS, HOT, IP_ADDRESS, STATUS, UNMEASURED
-from handctl.devices.inspire.identity import BYTE_HAND, Kind, Row4, same_id
-from handctl.devices.inspire.map import DRAWN
+from handctl.devices.inspire.duplicate_id import Row4, same_id
+from handctl.devices.inspire.hand.detect_generation import AT, LABEL, detect
+from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, protocol_of_link
+from handctl.devices.inspire.hand.register_map import (
+    BYTE_MAP,
+    FINGERS,
+    IP_ADDRESS,
+    NO_MOVE_STATUS,
+    NO_TEMPERATURE,
+    STATUS,
+    TOO_HOT_TO_MOVE,
+)
+from handctl.devices.inspire.identity import BYTE_HAND, Kind
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
+from handctl.devices.inspire.register_map import DRAWN
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
 from handctl.devices.inspire.serial_bus import SILENCE_HINTS, SerialBus
 from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
@@ -177,7 +187,7 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
     found: dict[str, list[str]] = {}
     keys: list[str] = []
     for part, code in held.get("status", {}).items():
-        if code in BLOCKED or code == EMERGENCY:
+        if code in NO_MOVE_STATUS or code == EMERGENCY:
             found.setdefault(part, []).append(f"status {code}, {STATUS[code]}")
             keys.append(STATUS[code])
     for part, bits in held.get("error", {}).items():
@@ -185,7 +195,7 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
             found.setdefault(part, []).append(f"error 0x{bits:02X}")
             keys += (BYTE_MAP["error"].label(bits) or "").split(", ")
     for part, degrees in held.get("temperature", {}).items():
-        if HOT <= degrees != UNMEASURED:
+        if TOO_HOT_TO_MOVE <= degrees != NO_TEMPERATURE:
             found.setdefault(part, []).append(f"{degrees} °C")
             keys.append("hot")
     if not found:
@@ -254,7 +264,7 @@ ANGLES = (1546, 4)
 
 def who(bus: RegisterBus) -> tuple[Kind, str | None, str]:
     """Who answers, which generation, and what shows it."""
-    found = look(bus)
+    found = detect(bus)
     return found.kind, found.model, f"{found.words}: {found.evidence}"
 
 
@@ -267,7 +277,7 @@ TARGET = Target(
     speeds=(115200, 921600, 57600, 19200),
     can=ANGLES,
     look=who,
-    spoken=spoken,
+    spoken=protocol_of_link,
 )
 
 OWN = Probing(TARGET, live=ANGLES, long=(1534, 90))

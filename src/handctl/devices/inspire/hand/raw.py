@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain_bytes import InspireExplainer
-from handctl.devices.inspire.hand.map import BYTE_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.errors import UsageError
 from handctl.link import ByteLink, CanFrame

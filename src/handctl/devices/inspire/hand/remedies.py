@@ -1,6 +1,6 @@
 """What an RH56's error bits, status codes and readings mean, and what to do (rh56 §3.1, §9)."""
 
-from handctl.devices.inspire.hand.map import FINGERS, HOT, STATUS
+from handctl.devices.inspire.hand.register_map import FINGERS, STATUS, TOO_HOT_TO_MOVE
 from handctl.errors import Hint
 from handctl.model.device_picture import UNKNOWN, Measure, Outline, Remedy, hand
 
@@ -11,7 +11,7 @@ _FREE = Hint("free the finger, then run {}", _CLEAR)
 
 REMEDIES = {
     "over_temperature": Remedy("the actuator is too hot. It clears by itself as it cools", "let the finger rest and cool: no command clears this", "rh56 §3.1"),
-    "hot": Remedy(f"{HOT} °C or more: handctl does not move the hand", "let the finger rest and cool", "rh56 §9"),
+    "hot": Remedy(f"{TOO_HOT_TO_MOVE} °C or more: handctl does not move the hand", "let the finger rest and cool", "rh56 §9"),
     STATUS[8]: Remedy("the emergency stop is active", "release the emergency stop with the program that set it (register 1131)", "rh56 §3.2"),
     "locked_rotor": Remedy("the actuator was driven and did not turn", _FREE, "rh56 §3.1"),
     STATUS[6]: Remedy("the actuator was driven and did not turn", _FREE, "rh56 §3.1"),
@@ -26,7 +26,11 @@ REMEDIES = {
 
 OUTLINE = Outline(
     hand(FINGERS[:4], FINGERS[4:]),
-    {"temperature": Measure("temperature.{}", HOT), "force": Measure("force_actual.{}"), "error": Measure("error.{}")},
+    {
+        "temperature": Measure("temperature.{}", TOO_HOT_TO_MOVE),
+        "force": Measure("force_actual.{}"),
+        "error": Measure("error.{}"),
+    },
     errors="error.{}",
     bend=("angle_actual.{}", 0, 1000),
     note="A right hand seen from its palm. A bar is as long as the finger is open.",

@@ -14,13 +14,13 @@ from handctl.command.options import REPLY_WAIT, SECONDS
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
-from handctl.devices.inspire.map import BAUD_RATES, WRIST, address_in
+from handctl.devices.inspire.register_map import BAUD_RATES, WRIST, address_in
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.link import ByteLink, FrameLink
+from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.result import Journal, Table
-from handctl.model.settings import Settings
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.can_bus import CanBus

@@ -1,0 +1,65 @@
+"""The status codes of a BarrettHand (ERR n): a sum of powers of two, what each means, and the next step (barrett §5.1.3, T3). Sans I/O."""
+
+from __future__ import annotations
+
+from handctl.errors import HandctlError, Hint
+
+OVER_TEMPERATURE = 8192
+"""Status of a motor, or of a motor command, above OTEMP (barrett §5.4.1)."""
+STATUS_CODES: dict[int, tuple[str, str]] = {
+    1: ("No motor board found", "power-cycle the hand, then ask the vendor (electronics)"),
+    2: ("No motor found", "power-cycle the hand, then ask the vendor (electronics or cable)"),
+    4: (
+        "Motor not initialized",
+        Hint("run {}. The fingers open fully: keep the space around them free", "barrett init"),
+    ),
+    16: ("Couldn't reach position", Hint("look for an obstacle, a strain limit, or MPE: {}", "barrett status")),
+    32: (
+        "Unknown command",
+        Hint("check the name, or check the cable for noise: {} lists the commands", "barrett help"),
+    ),
+    64: (
+        "Unknown parameter name",
+        Hint("this firmware does not have this parameter: {} lists them all", "barrett describe"),
+    ),
+    128: ("Invalid value", Hint("see the ranges with {}", "barrett describe")),
+    256: ("Tried to write a read only parameter", "read it with `handctl barrett get`: it cannot be written"),
+    1024: ("Too many arguments for this command", "give fewer arguments at a time"),
+    2048: ("Invalid RealTime control block header", "check the hand's loop flags: the block did not match them"),
+    4096: ("Command can't have motor prefix", "leave the motors out"),
+    OVER_TEMPERATURE: (
+        "Overtemperature fault tripped",
+        Hint("compare TEMP with OTEMP in {}, and let the hand cool", "barrett status"),
+    ),
+    16384: ("Cntl-C abort command received", "nothing to do: this is normal after ^C"),
+}
+"""barrett §5.1.3, T3: code -> (the manual's wording, next step)."""
+
+
+def split_status(code: int) -> list[int]:
+    """The powers of two in a status sum, lowest first; nothing is dropped."""
+    return [1 << bit for bit in range(code.bit_length()) if code >> bit & 1]
+
+
+def shows_heat(error: HandctlError) -> bool:
+    """Whether a hand refused for its temperature."""
+    return error.code.startswith("err-") and bool(int(error.code[4:]) & OVER_TEMPERATURE)
+
+
+def explain_status(code: int) -> str:
+    """``20`` -> ``Motor not initialized (4) + Couldn't reach position (16)``; 0 -> ``ready``."""
+    if code == 0:
+        return "ready"
+    parts = []
+    for bit in split_status(code):
+        text = STATUS_CODES[bit][0] if bit in STATUS_CODES else ("(not used)" if bit in (8, 512) else "unknown")
+        parts.append(f"{text} ({bit})")
+    return " + ".join(parts)
+
+
+def hint_for(code: int) -> str:
+    """The next step for the most telling bit of a status sum."""
+    return next(
+        (STATUS_CODES[bit][1] for bit in split_status(code) if bit in STATUS_CODES),
+        "ask the vendor: the manual does not list this code (T3)",
+    )

@@ -1,0 +1,447 @@
+"""The audit log of everything that was sent to change an EksoNR: JSON lines, appended, on the disk before it goes out.
+
+No log, no write. The user's own log is always written, because the policy remembers by it; --audit names a further one.
+Knows files and nothing of the device.
+
+`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
+
+It decides nothing: the limits are in `parameter_map` (the largest steps), `setting_change` and `setting_writer`.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import re
+import stat
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext, suppress
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from handctl.devices.ekso import write_checks
+from handctl.devices.ekso.write_policy import STEP_SECONDS
+from handctl.errors import HandctlError, OutputError, UsageError
+from handctl.files import clash, in_turn, opened, state_path
+from handctl.model.result import Journal
+from handctl.system import disk, file_locks
+
+TURN_SECONDS = 0.2
+"""No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
+TAIL = 65536
+"""Bytes at the end of the log that are searched for the last write."""
+FILE_HINT = "make it writable, or choose another file with --audit FILE. Without this log no setting is written"
+OWN_HINT = "make it writable. handctl reads the last writes from this log, and writes no setting without it"
+
+
+def default_path() -> Path:
+    """ekso-audit.jsonl in the user's state folder."""
+    return state_path("ekso-audit.jsonl")
+
+
+def logs(file: str | Path | None, always: dict[str, Any]) -> AuditLog:
+    """The log that a write is noted in: FILE, and whatever it is the user's own, which remembers for every port and FILE."""
+    own = AuditLog(default_path(), always, own_hint=OWN_HINT)
+    return own if file is None or clash(file, own.path) else AuditLog(Path(file), always, memory=own)
+
+
+class AuditLog:
+    """An append-only file; every entry is on the disk when `record` returns, and nothing is held open between entries.
+
+    `always` stands in every entry: operator, user, host, port, the place it leads to, tool version.
+    `memory` is a second log that gets every entry too.
+    """
+
+    def __init__(
+        self, path: Path, always: dict[str, Any], *, memory: AuditLog | None = None, own_hint: str = FILE_HINT
+    ) -> None:
+        self.path = path
+        self.always = always
+        self.memory = memory
+        self._hint = own_hint
+
+    @property
+    def every(self) -> tuple[AuditLog, ...]:
+        """The logs that get each entry."""
+        return (self,) if self.memory is None else (self.memory, self)
+
+    def check(self) -> None:
+        """Make sure that entries can be written, before anything is sent. Raises OutputError."""
+        if self.memory is not None:
+            self.memory.check()
+        with self._opened() as file:
+            if not stat.S_ISREG(os.fstat(file).st_mode):
+                raise OSError(errno.EINVAL, "not a regular file, so the policy cannot read the last writes from it")
+            _torn(file)
+
+    @contextmanager
+    def _opened(self) -> Iterator[int]:
+        """The file, made when there is none; its descriptor is closed at the end. Raises OutputError."""
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            fresh = not self.path.exists()
+            file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT | disk.BINARY, 0o600)
+            try:
+                if fresh:
+                    disk.sync_folder(self.path.parent)
+                yield file
+            finally:
+                os.close(file)
+        except OSError as exc:
+            raise write_checks.refusal(
+                write_checks.LOG,
+                f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
+                self._hint,
+            ) from exc
+
+    def unfinished(self) -> dict[str, Any] | None:
+        """The intent at the end of the log: a write without a result. None if there is none."""
+        try:
+            lines = self.tail()
+        except OutputError:
+            return None  # no log, or none that can be read: `check` tells
+        for line in reversed(lines):
+            with suppress(ValueError, RecursionError):  # half a line of a killed writer: its frame never went out
+                entry = json.loads(line)
+                if isinstance(entry, dict) and entry.get("event") in ("intent", "result"):
+                    return entry if entry["event"] == "intent" else None
+        return None
+
+    def tail(self) -> list[bytes]:
+        """The last lines, whole but perhaps the last; none where there is no log. Raises OutputError."""
+        if not self.path.is_file():  # reading a device or a pipe might never end
+            return []
+        with self._opened() as file:
+            return _tail(file)[0]
+
+    def checked(self, *, whole: bool = False) -> Checked:
+        """Its chain: of the last lines, or with `whole` of all of them. Raises OutputError, UsageError."""
+        if whole:
+            with opened(self.path, "an audit log") as content:
+                return check(iter(lambda: content.readline(TAIL), b""))
+        if not self.path.is_file():
+            return check([])
+        with self._opened() as file:
+            lines, cut = _tail(file)
+        return check(lines, whole=not cut)
+
+    def changed_at(self) -> float:
+        """When the file was changed last, by the wall clock. Raises OutputError."""
+        with self._opened() as file:
+            return os.fstat(file).st_mtime
+
+    @contextmanager
+    def alone(self) -> Iterator[None]:
+        """While it lasts no other handctl writes a setting by these logs: what they say last holds until the next entry.
+
+        Raises OutputError, LinkError (code "busy").
+        """
+        with self.memory.alone() if self.memory is not None else nullcontext(), self._opened() as file:
+            try:
+                file_locks.whole(file)
+            except BlockingIOError as exc:
+                raise write_checks.refusal(
+                    write_checks.FREE,
+                    f"{self.path}: another handctl command is writing a setting",
+                    "wait until it is done, then repeat the command. Nothing was sent.",
+                ) from exc
+            yield
+
+    def record(self, event: str, host_s: float, **fields: Any) -> None:
+        """Append one entry and wait until it is on the disk; `host_s` is the link's monotonic clock.
+
+        Raises OutputError; what came of a write is noted in both logs as far as it can be.
+        """
+        now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
+        entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self.always, **fields}
+        text = json.dumps(entry, ensure_ascii=False).encode("utf-8", "backslashreplace")
+        failure: OutputError | None = None
+        for log in reversed(self.every):  # the memory last: what it holds was not refused by another log
+            try:
+                log._append(text)
+            except OutputError as exc:
+                failure = failure or exc
+                if event == "intent":
+                    break
+        if failure is not None:
+            raise failure
+
+    def _append(self, text: bytes) -> None:
+        with self._opened() as file:
+            # one entry at a time, each chained to the one before; an entry is worth more than the order of two
+            with in_turn(file, TURN_SECONDS):
+                line = linked(text, held(reversed(_tail(file)[0]))) + b"\n"
+                # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own
+                _write_all(file, b"\n" + line if _torn(file) else line)
+            disk.sync(file)
+
+
+def _tail(file: int) -> tuple[list[bytes], bool]:
+    """The last lines, and whether there are others before them."""
+    size = os.fstat(file).st_size
+    start = max(0, size - TAIL)
+    lines = disk.read_at(file, size - start, start).split(b"\n")
+    return (lines[1:], True) if start else (lines, False)
+
+
+def _torn(file: int) -> bool:
+    size = os.lseek(file, 0, os.SEEK_END)
+    return size > 0 and disk.read_at(file, 1, size - 1) != b"\n"
+
+
+def _write_all(file: int, data: bytes) -> None:
+    while data:
+        data = data[os.write(file, data) :]
+
+
+# -- the chain: each entry ends with a hash over itself and the entry before it -------------------------------------------
+#
+#     {"event": "intent", …, "chain": "<SHA-256 of the chain before, then of this line without its own>"}
+#
+# An entry that was edited does not fit its hash; where one was removed, added or moved, the next does not fit. What was cut off
+# at the end does not show, and who knows this can write a new chain: it shows an edit, it is no signature.
+
+
+_LINK = re.compile(rb', "chain": "([0-9a-f]{64})"\}$')
+
+
+class Finding(NamedTuple):
+    """A line of the log that does not fit: its number, counted from 1, the line, and what is wrong with it."""
+
+    number: int
+    line: bytes
+    text: str
+
+
+class Checked(NamedTuple):
+    """A log that was looked through: entries with a hash, older ones without, halves of killed writers, what is wrong."""
+
+    chained: int
+    unchained: int
+    torn: int
+    findings: tuple[Finding, ...]
+
+
+def linked(entry: bytes, before: str) -> bytes:
+    """A JSON object as the line of an entry after `before`."""
+    return entry[:-1] + b', "chain": "' + _digest(before.encode() + entry).encode() + b'"}'
+
+
+def held(lines: Iterable[bytes]) -> str:
+    """What the next entry builds on, the lines given from the last to the first; "" for the first entry."""
+    for line in lines:
+        if (link := _link(line.rstrip())) is not None:
+            return link
+    return ""
+
+
+ENTRY = 8192
+"""Bytes kept of a line that is no entry of the chain: no entry of ours is longer."""
+
+
+def check(lines: Iterable[bytes], *, whole: bool = True) -> Checked:
+    """Look through a log; without `whole` the lines begin somewhere in it, and the first is taken as it is."""
+    before = "" if whole else None
+    counts = {"chained": 0, "unchained": 0, "torn": 0}
+    findings: list[Finding] = []
+    for number, raw in enumerate(lines, 1):
+        line = raw.rstrip()
+        if not line:
+            continue
+        found, link = _LINK.search(line), _link(line)
+        if found is not None:
+            counts["chained"] += 1
+            if before is not None and _digest(before.encode() + line[: found.start()] + b"}") != link:
+                findings.append(
+                    Finding(number, line[:ENTRY], "was edited, or an entry before it is missing or was moved")
+                )
+        elif link is not None and not counts["chained"]:
+            counts["unchained"] += 1  # of a handctl that knew no chain
+        elif link is None and line.startswith(b'{"event"'):
+            counts["torn"] += 1  # half a line of a killed writer
+        else:
+            findings.append(
+                Finding(number, line[:ENTRY], "has no hash: an older handctl wrote it, or it was added by hand")
+            )
+        before = link if link is not None else before
+    return Checked(**counts, findings=tuple(findings))
+
+
+def finding_texts(checked: Checked) -> Iterator[str]:
+    """The findings for people: ``line 7 (2026-11-22T10:00:00.000+00:00, intent step_length) was edited, …``."""
+    for finding in checked.findings:
+        try:
+            entry = json.loads(finding.line)
+            words = f"{entry['utc']}, {entry['event']} {entry.get('name', '')}".rstrip()
+        except (ValueError, TypeError, KeyError, RecursionError):
+            words = "no entry"
+        yield f"line {finding.number} ({words}) {finding.text}"
+
+
+MOST_TOLD = 3
+
+
+def check_whole_log(audit: AuditLog, journal: Journal) -> HandctlError | None:
+    """Check the audit log: a note if it is unchanged, otherwise the failure. Raises UsageError."""
+    checked = audit.checked(whole=True)
+    if checked.findings and not checked.chained + checked.unchained:
+        raise UsageError(
+            f"{audit.path}: not an audit log: {next(finding_texts(checked))}",
+            hint="name the audit log with --audit FILE",
+        )
+    count = checked.unchained
+    older = f" Entries from an older handctl, without a hash: {count}. These cannot be checked." if count else ""
+    if not checked.findings:
+        journal.info(
+            "audit",
+            f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
+        )
+        return None
+    places = list(finding_texts(checked))
+    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
+    return write_checks.refusal(
+        write_checks.EDITED,
+        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
+        "find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
+    )
+
+
+def _link(line: bytes) -> str | None:
+    """The link for the entry after this line; None if the line is not a complete entry."""
+    found = _LINK.search(line)
+    if found is not None:
+        return found[1].decode()
+    try:
+        return _digest(line) if isinstance(json.loads(line), dict) else None
+    except (ValueError, RecursionError):
+        return None
+
+
+def _digest(data: bytes) -> str:
+    import hashlib
+
+    return hashlib.sha256(data).hexdigest()
+
+
+# -- what the logs remember: the policy holds for any EksoNR that was written to, not for one run, port or log -----------
+#
+# An EksoNR reports nothing that tells it from another, and a port's name or number leads to another one after it was plugged
+# in again. So each write of the last seconds counts, but those to simulators, which are what their LINK says. How old an entry
+# is at least, the monotonic clock proves: it never goes back, and since a restart of this machine at least its uptime has
+# passed. The wall clock, which is set, decides only over entries of another machine, and one from the future is refused.
+
+
+NOT_SENT = "not sent"
+"""How the verdict on a write begins that never went out."""
+
+
+class Past(NamedTuple):
+    """A write of the last seconds: when at the earliest on the link's clock, which setting, its raw values."""
+
+    at: float
+    name: str
+    old: int
+    new: int
+
+
+def recent(audit: AuditLog, now: float) -> list[Past]:
+    """The writes to any EksoNR within the last STEP_SECONDS seconds, the newest first; `now` is the link's clock.
+
+    A write whose result nobody noted counts. Raises CheckFailed where a log does not tell: nothing may be written then.
+    """
+    found = [past for log in audit.every for past in _recent(log, now)]
+    return sorted(found, key=lambda past: past.at, reverse=True)
+
+
+def _recent(audit: AuditLog, now: float) -> list[Past]:
+    found: list[Past] = []
+    ended: dict[str, tuple[float, bool]] = {}
+    for entry in _entries(audit):
+        if not _counts(entry, audit.always):
+            continue
+        age = _age(entry, now, audit)
+        name = str(entry["name"])
+        if entry["event"] == "result":
+            ended[name] = age, str(entry.get("verdict", "")).startswith(NOT_SENT)
+            continue
+        age, unsent = ended.pop(name, (age, False))
+        if age > STEP_SECONDS:
+            break
+        if not unsent:
+            found.append(Past(now - age, name, entry["old"]["raw"], entry["new"]["raw"]))
+    return found
+
+
+def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
+    """Intents and results from the last to the first that the tail of the log holds whole."""
+    unfit = {finding.line for finding in audit.checked().findings}
+    for line in reversed(audit.tail()):
+        if not line.strip() or _half(line):
+            continue
+        try:
+            entry = json.loads(line)
+            if not isinstance(entry, dict):
+                raise TypeError(line)
+            if line.rstrip() in unfit:
+                _refuse(audit, write_checks.EDITED)
+            elif entry.get("event") == "intent":
+                unfit = set()  # it was not refused: what had been done by hand before it was long past
+            if entry.get("event") not in ("intent", "result"):
+                continue
+            moments = float(entry["host_monotonic_s"]), datetime.fromisoformat(entry["utc"]).timestamp()
+            if entry["event"] == "intent" and not all(isinstance(entry[key]["raw"], int) for key in ("old", "new")):
+                raise TypeError(line)
+            if not isinstance(entry["name"], str) or any(moment != moment for moment in moments):
+                raise TypeError(line)
+        except (ValueError, TypeError, KeyError, RecursionError):
+            _refuse(audit, write_checks.DAMAGED)
+            continue
+        yield entry
+
+
+def _half(line: bytes) -> bool:
+    """Half a line of a killed writer: an intent that was not whole on the disk was never sent, and a result follows its intent."""
+    return line.startswith(b'{"event"') and not line.rstrip().endswith(b"}")
+
+
+def _counts(entry: Mapping[str, Any], always: Mapping[str, Any]) -> bool:
+    """Whether the entry may be of the device that is written to now."""
+    if not (entry.get("simulated") or always.get("simulated")):
+        return True
+    return bool(entry.get("place", entry.get("port")) in (always.get("place"), always.get("port")))
+
+
+def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:
+    """Seconds that have passed since at least. Raises CheckFailed for what lies in the future."""
+    noted = float(entry["host_monotonic_s"])
+    bound = now - noted if noted <= now else now  # the machine has restarted since: its clock began at 0 then
+    if entry.get("host") == audit.always.get("host"):
+        return bound
+    passed = (datetime.now(timezone.utc) - datetime.fromisoformat(entry["utc"])).total_seconds()
+    if passed < 0:
+        raise write_checks.refusal(
+            write_checks.CLOCK,
+            f"{audit.path}: the last write was at {entry['utc']}, which is {-passed:.0f} s in the future, so a clock was set back",
+            "set the clock of this computer, then repeat the command. Nothing was sent.",
+        )
+    return min(bound, passed)
+
+
+WRONG = {
+    write_checks.EDITED: ("its last entries were edited or removed by hand", " `handctl ekso policy` shows which."),
+    write_checks.DAMAGED: ("its end is damaged", ""),
+}
+
+
+def _refuse(audit: AuditLog, gate: str) -> None:
+    """Raise CheckFailed for what was done to the log by hand or by a fault, if that may be of the last seconds."""
+    if datetime.now(timezone.utc).timestamp() - audit.changed_at() > STEP_SECONDS:
+        return
+    wrong, more = WRONG[gate]
+    raise write_checks.refusal(
+        gate,
+        f"{audit.path}: {wrong}, so handctl does not know what was written last, and when",
+        f"repeat the command in {STEP_SECONDS:.0f} s, when the last write no longer matters.{more} Nothing was sent.",
+    )

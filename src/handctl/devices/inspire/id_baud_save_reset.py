@@ -1,0 +1,469 @@
+"""Probe a hand, change its id and baud rate, save, reset to factory defaults. For the EH55BF1 and the RH56 hands.
+
+Each writes once, then finds out by reading what became of it; none repeats a write. The order of steps and the waits
+are those of the manual (cited) and, where it is silent, of the sibling hand; what is unknown on this hardware is said.
+
+What a hand keeps: where the manual of the EH55BF1 is silent the order of the RH56 is followed, and what is unknown on this
+hardware is said.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.duplicate_id import identify_alone, naming_duplicate_id
+from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
+from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, Register
+from handctl.devices.inspire.serial_bus import SerialBus
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
+from handctl.link import ByteLink
+from handctl.model.param import Element, Reading, elements_of
+from handctl.model.prompts import Prompts
+from handctl.model.result import Column, Row, Table, hex_bytes
+
+if TYPE_CHECKING:
+    from handctl.devices.inspire.register_device import RegisterDevice
+
+PROBE_SECONDS = 0.1
+PATIENCE_SECONDS = 2.5
+"""Longest answer that is waited for where one may only be late."""
+LATE_SECONDS = 0.7
+"""How long to listen for an answer that came too late before looking at other speeds."""
+POWER_CYCLE_SECONDS = 120.0
+
+
+def probe(bus: RegisterBus, device_id: int, *, seconds: float | None = None) -> bool:
+    """Whether a hand answers to `device_id` (read-only, asked twice). `seconds` per answer, default the bus timeout.
+
+    Only our own bytes coming back is silence too: on a line with echo that is how a free id looks. So are the frames of others, which are
+    told. Raises
+    ProtocolError when something else comes.
+    """
+    there = bus.at(device_id=device_id)
+    there.timeout = seconds if seconds is not None else bus.timeout
+    try:
+        there.read(*bus.presence, retries=1)
+    except NoAnswer:
+        return False
+    except ProtocolError as exc:
+        if exc.code == "stale" and bus.journal.line.others:
+            bus.journal.warn(
+                "others",
+                f"another program or device is using this line, and id {device_id} did not reply",
+                hint="stop the other program or master to be sure that the id is free",
+            )
+        elif exc.code != "echo":
+            raise
+        return False
+    finally:
+        bus.round_trip = there.round_trip
+    return True
+
+
+def find_speed(bus: SerialBus) -> int | None:
+    """The speed of the three documented ones at which the hand answers, or None. Leaves the port at that speed."""
+    link, first = bus.link, bus.link.baud
+    for rate in sorted(BAUD_RATES.values(), key=lambda rate: rate != first):
+        link.set_baud(rate)
+        try:
+            if probe(bus, bus.id, seconds=PROBE_SECONDS) and bus.pace(LATE_SECONDS) is not None:
+                return rate  # not a late answer to a question at another speed
+        except ProtocolError:
+            continue  # garbage at a wrong speed is as good as silence here
+    if first is not None:
+        link.set_baud(first)
+    return None
+
+
+def explain_silence(hand: RegisterDevice, error: HandctlError) -> HandctlError:
+    """A better error for a hand that gave no valid answer at all: is it slow, or there at another speed? Read-only.
+
+    Late answers are waited for first: one that arrives after the speed was changed would name a wrong speed.
+    """
+    bus = hand.bus
+    if not isinstance(bus, SerialBus) or bus.link.replayed or len(error.came) > FLOOD:
+        return error
+    frame = bus.listen([eb90.DEVICE + bytes([bus.id])], max(LATE_SECONDS, bus.timeout))
+    if frame is not None:
+        return late(bus)
+    if not bus.link.can_set_baud:
+        return error
+    was = bus.link.baud
+    try:
+        found = find_speed(bus)
+    except LinkError:
+        return error
+    if found is None and bus.pace(PATIENCE_SECONDS) is not None:
+        return late(bus)
+    if found is None or found == was:
+        return error
+    return ProtocolError(
+        f"id {bus.id} on {bus.link.name} does not reply at {was} bit/s but does at {found} bit/s",
+        hint=f"run the command again with --baud {found}",
+        code="wrong-speed",
+    )
+
+
+def late(bus: SerialBus) -> NoAnswer:
+    """The error of a hand that answers, but too late."""
+    longer = f"--timeout {max(1.0, 4 * bus.timeout):g}"
+    written = any(message.code == "ack-lost" for message in bus.journal.messages)
+    return NoAnswer(
+        f"id {bus.id} on {bus.link.name} replies, but takes longer than {bus.timeout:g} s",
+        hint=f"read the values with {longer} before you repeat the command: the write may have taken effect"
+        if written
+        else f"run the command again with {longer}",
+        code="late",
+    )
+
+
+# -- id -----------------------------------------------------------------------------------------------------------
+
+
+def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Table:
+    """Give the hand another id (exo §2.3.1, rh56 §2.1). Acts at once; kept over power-off only by a later save.
+
+    `saved_next`: the caller sees to that. The new id must be free on the line. Raises CheckFailed when it is not, or when the hand is not found afterwards.
+    """
+    bus, old = hand.bus, hand.bus.id
+    if new == old:
+        hand.journal.info("already", f"the hand already has id {new}")
+        return _id_row(hand, old)
+    new_taken = probe(bus, new)
+    try:
+        with naming_duplicate_id(hand):
+            old_there = probe(bus, old)
+    except ProtocolError as exc:  # perhaps a late answer of the new id
+        if exc.code != "wrong-id" or not _slower(bus):
+            raise
+        old_there, new_taken = True, probe(bus, new)
+    if (not old_there or (bus.round_trip or 0.0) > bus.timeout / 2) and _slower(bus):
+        old_there, new_taken = True, probe(bus, new)
+    if not old_there and new_taken:
+        bus.id = new
+        hand.journal.info("already", f"no hand responds to id {old}, but one already responds to id {new}")
+        return _id_row(hand, old)
+    if not old_there:
+        hand.identify()  # somebody else's answers name him
+        bus.read(*bus.presence)  # says what comes instead: silence, or only our own bytes
+    if new_taken:
+        raise CheckFailed(
+            f"{bus.link.name}: id {new} is taken by another hand on this line",
+            hint=Hint("choose a free id: {} lists those in use. Nothing was written.", f"{hand.kind} scan --all"),
+            code="id-taken",
+        )
+    identify_alone(hand)
+    with hand.bus.on_early_end(
+        f"the hand may have id {new} already",
+        Hint("find it with {}. A power-cycle brings back the saved id", f"{hand.kind} scan"),
+    ):
+        return _write_id(hand, new, saved_next)
+
+
+def _slower(bus: RegisterBus) -> bool:
+    """Whether the hand answers more slowly than the timeout has room for: then this is raised to fit."""
+    took = bus.pace(PATIENCE_SECONDS)
+    if took is None or 2 * took <= bus.timeout:
+        return False
+    bus.timeout = 2 * took + 0.1
+    bus.journal.info("line", f"Slow line: {1000 * took:.0f} ms. handctl now waits {bus.timeout:.1f} s for each reply")
+    return True
+
+
+def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
+    bus, old = hand.bus, hand.bus.id
+    data, ids = hand.map["id"].encode(new), (new,)
+    step = bus.write_step(hand.map["id"].address, data, f"id = {new}")
+    # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
+    bus.try_write(hand.map["id"].address, data, "the id change", "handctl checks for the hand", acknowledged_by=ids)
+    if probe(bus, new):
+        bus.id = new
+        row = _id_row(hand, old)
+        hand.journal.ledger.confirm(f"responds to id {new}", step)
+        if not saved_next:
+            hand.journal.info(
+                "volatile",
+                f"id {new} lasts only until power-off",
+                hint=Hint(f"keep it with {{}} ({hand.map['save'].source})", f"{hand.kind} save --id {new}"),
+            )
+        return row
+    if probe(bus, old):
+        hand.journal.ledger.doubt(f"still responds to id {old}", step)
+        raise CheckFailed(
+            f"{bus.link.name}: the hand still responds to id {old}, not to {new}",
+            hint="run the command again: the id was not changed, so this is safe",
+            code="read-back",
+        )
+    try:
+        bus.at(device_id=new).read(*bus.presence)
+    except (NoAnswer, ProtocolError) as exc:
+        raise exc.reworded(
+            f"{bus.link.name}: no hand responds to id {new} or {old} after the id change: {exc.text}",
+            hint=Hint("find the hand with {}. A power-cycle brings back the saved id", f"{hand.kind} scan"),
+        ) from exc
+    bus.id = new
+    return _id_row(hand, old)
+
+
+def _id_row(hand: RegisterDevice, before: int) -> Table:
+    register = hand.map["id"]
+    value = hand.bus.read(register.address, register.size)
+    if value[0] != hand.bus.id:
+        raise CheckFailed(
+            f"{hand.bus.where}: register 1000 reads {value[0]}, but the hand responds to id {hand.bus.id}",
+            hint=Hint("leave one hand on the line, then run {}", f"{hand.kind} scan"),
+            code="read-back",
+        )
+    row = hand.row(Reading(Element(register, 0), value[0], value))
+    return Table(rows=[{**row, "before": before}], columns=(*hand.columns, Column("before", "Before", right=True)))
+
+
+# -- baud ---------------------------------------------------------------------------------------------------------
+
+
+def change_baud(hand: RegisterDevice, rate: int) -> Table:
+    """Write the speed of an EH55BF1 that counts after save and power cycle (exo §2.3.2), and read it back.
+
+    The port stays as it is. The RH56 hands have their own way (`hand.baud_and_network`): their code lies elsewhere.
+    """
+    register, code = hand.map["baud_code"], hand.speed_code(rate)
+    element = Element(register, 0)
+    identify_alone(hand)
+    before = hand.bus.read(register.address, register.size)[0]
+    if before == code:
+        hand.journal.info("already", f"baud_code is already {code} ({rate} bit/s)")
+        readings = [Reading(element, before, bytes([before]))]
+    else:
+        try:
+            readings = hand.write([(element, code)])
+        except CheckFailed as exc:
+            exc.hint = (
+                f"read both places of the speed code with `handctl {hand.kind} read 1001 2`. It lies at 1001 in this manual (exo §2.3), "
+                "at 1002 on the RH56 hand: this may be another hand. Only 1001 was written"
+            )
+            raise
+    return hand.table(readings)
+
+
+def wait_for_speed(hand: RegisterDevice, rate: int, prompts: Prompts, *, seconds: float = POWER_CYCLE_SECONDS) -> bool:
+    """Wait until the hand answers at `rate` after a power cycle. A simulator's power is switched here."""
+    link = hand.bus.link
+    assert isinstance(link, ByteLink)
+    if link.power_cycle():
+        prompts.say("simulated: the simulator's power was switched off and on")
+    else:
+        prompts.say(
+            f"Switch the hand's power off and on now. handctl waits up to {seconds:.0f} s for it at {rate} bit/s."
+        )
+    link.set_baud(rate)
+    end = link.deadline(seconds)
+    while not end.expired:
+        prompts.progress(f"waiting for id {hand.bus.id} at {rate} bit/s, {end.remaining:.0f} s left")
+        try:
+            allowed = max(PROBE_SECONDS, 2 * (hand.bus.round_trip or 0.0))
+            if probe(hand.bus, hand.bus.id, seconds=allowed) and hand.bus.pace(allowed) is not None:
+                prompts.done()
+                return True
+        except ProtocolError:
+            pass  # bytes of a hand that starts, or still talks at the old speed
+        hand.bus.out_of_time("the power-cycle")
+        hand.bus.pause(0.2)
+    prompts.done()
+    return False
+
+
+# -- calibration --------------------------------------------------------------------------------------------------
+
+
+def wait_for_calibration(
+    bus: RegisterBus, prompts: Prompts, seconds: float, more: str, power_off: str
+) -> eb90.Frame | None:
+    """Wait for the frame that reports the end, or for the usual time without one. Sends nothing."""
+    started = bus.link.now()
+    end = started + seconds
+    try:
+        while bus.link.now() < end and not bus.over:
+            elapsed = bus.link.now() - started
+            prompts.progress(f"calibrating {elapsed:4.1f} s of at most {seconds:.0f} s{more}", power_off)
+            step = min(0.25, end - bus.link.now())
+            if not bus.reports:
+                bus.pause(step)
+            elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, eb90.CALIBRATION_END, 1)], step)) is not None:
+                return frame
+    finally:
+        prompts.done()
+    return None
+
+
+# -- what is kept -----------------------------------------------------------------------------------------------------
+
+SAVE_RESULT_SECONDS = 2.5
+"""The result comes about a second after the acknowledgement (RH56 ch. 3 ex. 4)."""
+
+
+def power_cycle(hand: RegisterDevice) -> str:
+    """What to do after a reset."""
+    return f"power-cycle the hand, then run `handctl {hand.kind} scan`: its id may be 1 and its baud rate 115200 bit/s again."
+
+
+def clear_errors(hand: RegisterDevice) -> Table:
+    """Clear the clearable actuator errors and look what is left (exo §2.3.3, rh56 §6).
+
+    A remaining over_temperature is not a failure: it clears by cooling. Anything else that remains is.
+    """
+    hand.identify()  # before anything is read: a stranger is named, not called silent
+    names = ("error", "temperature")
+    elements = [element for name in names for element in elements_of(hand.map[name])]
+    before = {reading.element.full_name: reading.value for reading in hand.read(elements)}
+    hand.bus.try_write(
+        hand.map["clear_errors"].address,
+        hand.map["clear_errors"].encode(1),
+        "the clearing",
+        "handctl checks which errors remain",
+    )
+    after = hand.read(elements)
+    warm = {reading.element.part: reading.value for reading in after if reading.element.param.name == "temperature"}
+    rows: list[Row] = []
+    left = []
+    for reading in after:
+        if reading.element.param.name != "error":
+            continue
+        rows.append({**hand.row(reading), "before": before.get(reading.element.full_name)})
+        if reading.error is not None or reading.value is None:
+            left.append(f"{reading.element.part}: not readable")
+            continue
+        bits = int(reading.value)
+        if bits & OVER_TEMPERATURE:
+            hand.journal.warn(
+                "over-temperature",
+                f"{reading.element.part}: over_temperature cannot be cleared. It goes away as the actuator cools, "
+                f"now {warm.get(reading.element.part)} °C ({hand.map['clear_errors'].source})",
+            )
+        if bits & ~OVER_TEMPERATURE:
+            left.append(f"{reading.element.part}: {hand.map['error'].label(bits & ~OVER_TEMPERATURE)}")
+    table = Table(rows=rows, columns=(*hand.columns, Column("before", "Before", right=True)))
+    if left:
+        table.failure = CheckFailed(
+            f"{hand.bus.where}: errors remain after clearing: {'; '.join(left)}",
+            hint=f"free the finger, check the supply ({hand.supply}), then clear the errors again: the cause is still there",
+            code="errors-remain",
+        )
+    return table
+
+
+def save(hand: RegisterDevice, prompts: Prompts) -> Table:
+    """Write the present parameters to flash and wait for the result that comes about a second later (exo §2.3.4, rh56 §2.1).
+
+    Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
+    inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
+    """
+    identify_alone(hand, refusal=True)
+    with hand.bus.on_early_end(
+        "the save was sent, but its result is not known",
+        f"save again, or power-cycle the hand and check with `handctl {hand.kind} get id baud_code`",
+    ):
+        return _save(hand, prompts)
+
+
+def save_frames(hand: RegisterDevice, prompts: Prompts) -> tuple[HandctlError | None, eb90.Frame | None]:
+    """Send the save and wait for its result: why it was not acknowledged, None = it was, and the frame of its result, if one came."""
+    bus, register = hand.bus, hand.map["save"]
+    place = register.place
+    results = [eb90.write_ack_prefix(bus.id, place), eb90.read_reply_prefix(bus.id, place, 1)]
+    lost = bus.try_write(register.address, register.encode(1), "the save", "handctl only waits for its result")
+    if not bus.reports:
+        return lost, None
+    prompts.progress("saving to flash")
+    end = bus.link.deadline(SAVE_RESULT_SECONDS)
+    frame = bus.listen(results, end.remaining)
+    while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
+        lost = None  # late, or twice
+        frame = bus.listen(results, end.remaining)
+    prompts.done()
+    return lost, frame
+
+
+def save_failed(bus: RegisterBus, frame: eb90.Frame) -> DeviceRefused:
+    """The error of a result that is not 00."""
+    return DeviceRefused(
+        f"{bus.where}: the save failed: result {hex_bytes(frame.data)} (00 = saved, FF = failed)",
+        hint="check the supply, then save again: the values are still in RAM",
+        code="save-failed",
+    )
+
+
+def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
+    bus, register = hand.bus, hand.map["save"]
+    lost, frame = save_frames(hand, prompts)
+    if not bus.reports:
+        if lost is not None:
+            raise lost
+        hand.journal.warn(
+            "no-result",
+            "the save was sent. This connection has no frame that reports the result",
+            hint="power-cycle the hand, then read the values to be sure",
+        )
+        bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)
+        return outcome(hand, register, "sent", None)
+    if frame is None:
+        bus.out_of_time("the result of the save")
+        if lost is not None:
+            raise lost.reworded(
+                lost.text,
+                hint=Hint(
+                    "power-cycle the hand and check with {}: the result is not known", f"{hand.kind} get id baud_code"
+                ),
+            )
+        hand.journal.warn(
+            "no-result",
+            f"the hand accepted the save but did not report its result ({hand.save_result})",
+            hint="power-cycle the hand, then read the values to be sure",
+        )
+        return outcome(hand, register, "accepted", None)
+    if frame.data != b"\x00":
+        raise save_failed(bus, frame)
+    return outcome(hand, register, "saved", frame.data)
+
+
+def factory_reset(hand: RegisterDevice) -> Table:
+    """Write 1 to the sibling's reset address 1006; this manual names none (exo §2.3.5). Then look who answers."""
+    with hand.bus.on_early_end(
+        "the reset was sent, but the hand's present id is unknown",
+        f"{power_cycle(hand)} Nothing was saved automatically.",
+    ):
+        return _factory_reset(hand)
+
+
+def _factory_reset(hand: RegisterDevice) -> Table:
+    bus, old = hand.bus, hand.bus.id
+    register = hand.map["factory_reset"]
+    lost = bus.try_write(
+        register.address, register.encode(1), "the reset", "handctl checks which id replies", acknowledged_by=(1,)
+    )
+    if lost is not None:
+        lost.text = f"the reset was not acknowledged but may have happened: {lost.text}"
+    bus.pause(1.0)
+    ids = list(dict.fromkeys((1, old)))
+    there = [device_id for device_id in ids if probe(bus, device_id)]
+    hand.journal.warn(
+        "power-cycle",
+        f"replying now: id {', '.join(map(str, there))}" if there else "id 1 and the old id do not reply now",
+        hint=f"{power_cycle(hand)} Nothing was saved automatically.",
+    )
+    table = outcome(hand, register, "accepted" if lost is None else "not acknowledged", None)
+    table.failure = lost
+    if there:
+        bus.id = there[0]
+    elif lost is None:
+        text = f"{bus.link.name}: the reset was acknowledged, but no hand responds to id {' or '.join(map(str, ids))} after it"
+        table.failure = NoAnswer(text, hint=power_cycle(hand), code="gone")
+    return table
+
+
+def outcome(hand: RegisterDevice, register: Register, label: str, raw: bytes | None) -> Table:
+    told = hex_bytes(raw) if raw is not None else None
+    return Table(
+        rows=[{**hand.element_keys(Element(register, 0)), "value": label, "unit": None, "raw": told}],
+        columns=(Column("name", "Name"), Column("address", "Address", right=True), Column("value", "Result")),
+    )

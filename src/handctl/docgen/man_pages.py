@@ -1,0 +1,332 @@
+"""The man pages: handctl(1), one for each top-level command, as git has it, and one of section 7 for each guide.
+
+Everything but the prose of `man_sections` comes from the command tree, the parameter maps, the error tree and the options.
+"""
+
+from __future__ import annotations
+
+import importlib
+import re
+from collections.abc import Iterable, Sequence
+from importlib.util import find_spec
+from typing import Any
+
+from handctl import __version__, errors, guides
+from handctl.command.help_text import examples_of
+from handctl.docgen import man_sections
+from handctl.docgen.completion_scripts import mnemonic
+from handctl.docgen.read_command_tree import Node, Option
+from handctl.docgen.roff import Page, bold, escape, italic, marked
+from handctl.families import FAMILIES
+from handctl.guides import Code, Heading, Item, Para, Table
+from handctl.model.device_picture import UNKNOWN, remedies_of
+from handctl.model.param import MEASURED, Param
+from handctl.wording import sentence
+
+REFERENCE = re.compile(r"\b(handctl(?:-[a-z]+)*)\(([17])\)")
+EDITION = "2026-11-21"
+"""Date of the pages: of their wording, not of the day they are generated."""
+
+
+def pages(tree: Node) -> dict[str, str]:
+    """File name -> page."""
+    return {"handctl.1": one(tree)} | {f"handctl-{node.path[0]}.1": one(tree, node.path[0]) for node in tree.children}
+
+
+def one(tree: Node, command: str = "") -> str:
+    """The page of a top-level command, or of handctl as a whole."""
+    return next((_command(node, tree) for node in tree.children if node.path[0] == command), "") or _root(tree)
+
+
+def _page(name: str, summary: str) -> Page:
+    page = Page(name, EDITION, f"handctl {__version__}", "handctl manual")
+    page.section("NAME")
+    page.para(f"{escape(name)} \\- {escape(summary)}")
+    return page
+
+
+def _root(tree: Node) -> str:
+    page = _page("handctl", tree.help.rstrip("."))
+    page.section("SYNOPSIS")
+    page.literal([f"{bold('handctl')} [{italic('OPTIONS')}] {italic('COMMAND')} ..."])
+    page.section("DESCRIPTION")
+    page.para(escape(tree.help))
+    page.para(
+        "Options can go anywhere: before the command, after it or after its subcommand. The one closest to the subcommand wins. "
+        "Each has an environment variable, and a key in the configuration file. The command line goes before the "
+        "environment, then comes what a named device says, then the file."
+    )
+    for text in man_sections.SAFETY:
+        page.para(marked(text))
+    page.section("COMMANDS")
+    for node in tree.children:
+        page.item(_reference(f"handctl-{node.path[0]}"), _sentence(node.summary))
+    page.section("GUIDES")
+    for name, summary in map(guides.title, map(guides.source, guides.names())):
+        page.item(_reference(name, 7), _sentence(summary))
+    page.section("OPTIONS")
+    _options(page, tree.options)
+    page.section("LINKS")
+    for link, text in man_sections.LINKS:
+        page.item(bold(link), marked(text))
+    page.section("OUTPUT")
+    for text in man_sections.OUTPUT:
+        page.para(marked(text))
+    return _closing(page, tree, tree)
+
+
+def _command(node: Node, tree: Node) -> str:
+    name = f"handctl-{node.path[0]}"
+    page = _page(name, node.summary)
+    leaves = [leaf for leaf in node.walk() if not leaf.children]
+    page.section("SYNOPSIS")
+    page.literal([_usage(leaf) for leaf in leaves])
+    page.section("DESCRIPTION")
+    _paragraphs(page, node.help, inside=False)
+    shared = tree.shared
+    if node.children:
+        page.section("COMMANDS")
+        for leaf in leaves:
+            first, _, rest = leaf.help.partition("\n\n")
+            page.item(_usage(leaf, len(node.path)), marked(first))
+            _paragraphs(page, rest, inside=True)
+            if leaf.writes and "-n, --dry-run" not in leaf.help:
+                shows = "the bytes and sends" if node.path[0] in FAMILIES else "what would change and writes"
+                page.more(f"It writes: {bold('-n')} shows {shows} nothing.")
+            _below(page, leaf, (*shared, *node.options))
+    page.section("OPTIONS")
+    _options(page, node.options)
+    if node.params:
+        page.section("QUANTITIES")
+        for param in node.params:
+            short = mnemonic(param)
+            page.item(bold(param.name) + (f", {bold(short)}" if short else ""), _about(param))
+    _section(page, node.path[0])
+    _remedies(page, node.path[0])
+    return _closing(page, node, tree)
+
+
+def _own(family: str, name: str) -> Any:
+    """What a family's module `page` says, None without it."""
+    where = FAMILIES[family].module("manpage") if family in FAMILIES else ""
+    return getattr(importlib.import_module(where), name, None) if where and find_spec(where) else None
+
+
+def _remedies(page: Page, family: str) -> None:
+    """What the findings of a family mean, and what to do."""
+    table = remedies_of(family) if family in FAMILIES else {}
+    if table:
+        page.section("FINDINGS")
+    for name, remedy in table.items():
+        page.item(
+            bold(name.replace("_", " ") if name == UNKNOWN else name),
+            marked(f"{sentence(remedy.meaning)} {sentence(remedy.hint)}"),
+        )
+
+
+def _section(page: Page, family: str) -> None:
+    """A family's own sections, in addition to its commands."""
+    section = _own(family, "section")
+    if section is None:
+        return
+    title, paragraphs, items = section()
+    page.section(title)
+    for text in paragraphs:
+        page.para(marked(text))
+    for term, text, lines in items:
+        page.item(bold(term), marked(text))
+        if lines:
+            page.literal([escape(line) for line in lines], inside=True)
+
+
+def _usage(node: Node, skip: int = 0) -> str:
+    """The line of a command; `skip` words of its path are left out, and so is the program."""
+    words = [bold(" ".join(("handctl", *node.path)) if not skip else " ".join(node.path[skip:]))]
+    if not skip:
+        words.append(f"[{italic('OPTIONS')}]")
+    return " ".join([*words, *(italic(argument.metavar) for argument in node.arguments)])
+
+
+def _paragraphs(page: Page, text: str, *, inside: bool) -> None:
+    """A click help text; a paragraph that begins with \\b keeps its lines. The first one of an item stands there."""
+    for paragraph in filter(None, re.split(r"\n\s*\n", text)):
+        if paragraph.startswith("\b"):
+            lines = [marked(line) for line in paragraph.lstrip("\b\n").splitlines()]
+            page.literal(lines, inside=inside)
+        else:
+            (page.more if inside else page.para)(marked(" ".join(paragraph.split())))
+
+
+def _below(page: Page, leaf: Node, known: Sequence[Option]) -> None:
+    """A command's own options and lists, indented below it."""
+    own = [option for option in leaf.options if option not in known and "--help" not in option.names]
+    if not own and not leaf.sections:
+        return
+    page.indent()
+    for option in own:
+        page.item(_tag(option), marked(option.help))
+    for section in leaf.sections:
+        page.para(bold(section.title) if section.rows else marked(section.text))
+        for word, text in section.rows:
+            page.item(bold(word), _sentence(text))
+    page.outdent()
+
+
+def _options(page: Page, options: Iterable[Option]) -> None:
+    groups: dict[str, list[Option]] = {}
+    for option in options:
+        groups.setdefault(option.section, []).append(option)
+    for title in ("Options", *(name for name in groups if name != "Options")):
+        if title in groups and len(groups) > 1:
+            page.subsection("General" if title == "Options" else title)
+        for option in groups.get(title, ()):
+            page.item(_tag(option), marked(option.help))
+
+
+def _tag(option: Option) -> str:
+    names = ", ".join(bold(name) for name in option.names)
+    return f"{names} {italic(option.metavar)}" if option.metavar else names
+
+
+def _about(param: Param) -> str:
+    access = {"r": "read only", "rw": "read and write", "w": "write only"}.get(param.access, param.access)
+    facts = [access if param.kind == MEASURED else "trigger" if param.trigger else f"{param.kind}, {access}"]
+    if param.range_text:
+        facts.append(param.range_text + (f" {param.unit}" if param.unit else ""))
+    elif param.unit:
+        facts.append(f"in {param.unit}")
+    parts = [_sentence(param.doc + (f"; {param.note}" if param.note else "")), _sentence("; ".join(facts))]
+    if param.elements:
+        parts.append(f"Elements: {', '.join(map(italic, param.elements))}.")
+    if param.bits:
+        parts.append(f"Bits from 0: {escape(', '.join(param.bits))}.")
+    return " ".join([*parts, f"Source: {escape(param.source)}."])
+
+
+def _closing(page: Page, node: Node, tree: Node) -> str:
+    name = node.path[0] if node.path else ""
+    page.section("EXIT STATUS")
+    for code, text in exit_codes():
+        page.item(bold(str(code)), _sentence(text))
+    if node.shared:
+        page.section("ENVIRONMENT")
+        for variable, text in _environment(node):
+            page.item(bold(variable), text)
+
+    def files_of(command: str) -> Sequence[tuple[str, str]]:
+        return _own(command, "FILES") or man_sections.FILES.get(command, ())
+
+    files = [*files_of(name), *(man_sections.FILES["devices"] if name in FAMILIES else ())]
+    if not name:
+        files = [entry for child in tree.children for entry in files_of(child.path[0]) if "/" in entry[0]]
+    if files:
+        page.section("FILES")
+        for path, text in files:
+            page.item(italic(path), marked(text))
+    page.section("EXAMPLES")
+    for line, text in examples(node):
+        page.item(bold(line), marked(text))
+    page.section("SEE ALSO")
+    page.para(_see_also([child.path[0] for child in tree.children], name, "-".join(("handctl", *node.path))))
+    return page.text
+
+
+def _see_also(commands: Iterable[str], about: str, page: str) -> str:
+    """The pages beside `page`, which is `about` a command or guide. handctl(1) names all; the others no page of another family."""
+
+    def near(name: str) -> bool:
+        return not about or name == about or name not in FAMILIES
+
+    pages = [("handctl", 1), *((f"handctl-{name}", 1) for name in commands if near(name))]
+    pages += [(guides.title(guides.source(name))[0], 7) for name in guides.names() if near(name)]
+    return ",\n".join(_reference(*one) for one in pages if one[0] != page)
+
+
+def exit_codes() -> list[tuple[int, str]]:
+    """Exit code -> meaning, from the error tree."""
+    found = {0: "Done.", 1: "A bug in handctl, or the output could not be written."}
+    for kind in vars(errors).values():
+        if isinstance(kind, type) and issubclass(kind, errors.HandctlError) and kind.exit_code not in found:
+            text = " ".join((kind.__doc__ or "").split())
+            found[kind.exit_code] = re.sub(rf" ?Exit code {kind.exit_code}\b[^.]*\.", "", text)
+    return sorted(found.items())
+
+
+def _environment(node: Node) -> Iterable[tuple[str, str]]:
+    for option in node.options:
+        if option.env:
+            long = option.names[-1]
+            same = f"The same as {bold(long)} {italic(option.metavar)}."
+            yield option.env, f"1 is the same as {bold(long)}." if option.value is None else same
+    yield "HANDCTL_CONFIG", f"Another configuration file than the one that {bold('handctl devices')} keeps."
+    yield "NO_COLOR", f"Anything but an empty value: no colour, unless {bold('--color always')} is given."
+
+
+def examples(node: Node) -> list[tuple[str, str]]:
+    """Command line -> what it shows, of each command of a page in the order of its commands."""
+    leaves = [node] if not node.path else [leaf for leaf in node.walk() if not leaf.children]
+    return [one for leaf in leaves for one in examples_of(leaf.path)]
+
+
+def _reference(page: str, section: int = 1) -> str:
+    return f"\\%{bold(page)}({section})"
+
+
+def _sentence(text: str) -> str:
+    text = text.strip()
+    text = text[:1].upper() + text[1:]
+    return marked(text if text.endswith((".", "?", "!")) else f"{text}.")
+
+
+# -- guides -------------------------------------------------------------------------------------------------------------
+
+
+def guide(text: str) -> str:
+    """One guide as a page of section 7."""
+    name, summary = guides.title(text)
+    made = Page(name, EDITION, f"handctl {__version__}", "handctl manual", section=7)
+    made.section("NAME")
+    made.para(f"{escape(name)} \\- {escape(summary)}")
+    for number, block in enumerate(guides.blocks(text)):
+        if not number and not isinstance(block, Heading):
+            made.section("DESCRIPTION")
+        if isinstance(block, Heading) and block.level == 2:
+            made.section(escape(block.text.upper()))
+        elif isinstance(block, Heading):
+            made.subsection(block.text)
+        elif isinstance(block, Para):
+            made.para(words(block.text))
+        elif isinstance(block, Item):
+            made.bullet(words(block.text))
+        elif isinstance(block, Code):
+            made.literal([f"    {escape(line)}".rstrip() or "\\&" for line in block.lines])
+        else:
+            _table(made, block)
+    made.section("SEE ALSO")
+    about = name.removeprefix("handctl-").removesuffix("-guide")
+    made.para(_see_also([about] if about in FAMILIES else [], about, name))
+    return made.text
+
+
+def words(text: str) -> str:
+    """Marked text in which the names of pages are bold."""
+    made, place = "", 0
+    for found in REFERENCE.finditer(text):
+        made += marked(text[place : found.start()]) + f"\\%{bold(found[1])}({found[2]})"
+        place = found.end()
+    return made + marked(text[place:])
+
+
+def _table(made: Page, table: Table) -> None:
+    """The first cell is the tag; of further columns each says its heading."""
+    heading, *rows = table.rows
+    for first, *rest in rows:
+        if len(rest) == 1:
+            text = rest[0]
+        else:
+            text = " ".join(_said(name, cell) for name, cell in zip(heading[1:], rest, strict=True) if cell)
+        made.item(words(first) if "`" in first else bold(first), words(text))
+
+
+def _said(name: str, cell: str) -> str:
+    return f"{name[:1].upper()}{name[1:]}: {cell if cell.endswith('.') else cell + '.'}"

@@ -1,0 +1,42 @@
+"""What is promised for every device, and each family's exceptions from it. `tests/promises` checks every row."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib import import_module
+from typing import NamedTuple
+
+from handctl.docgen.readme_troubleshooting import SYMPTOMS
+from handctl.families import FAMILIES
+
+WORDS = {
+    "verb": "has the command",
+    "option": "accepts the option",
+    "arrival": "fails with exit code 7 if the target is not reached",
+    "expect": "accepts --expect",
+    "leave-alone": "accepts -1 to leave a finger alone",
+    "settings": "compares and restores settings",
+    "model": "shows its model in JSON",
+    **{row.key: f"README's troubleshooting: {row.said}" for row in SYMPTOMS},
+}
+"""Key of a promise -> its text in the table of exceptions."""
+
+
+class Exempt(NamedTuple):
+    """An exception from a promise: the family, the commands or options, and the reason."""
+
+    family: str
+    promise: str
+    where: str
+    why: str
+
+
+def exceptions(family: str = "") -> Iterator[Exempt]:
+    """The exceptions of one family, or of all."""
+    for name in [family] if family else FAMILIES:
+        try:
+            page = import_module(FAMILIES[name].module("manpage"))
+        except ModuleNotFoundError:
+            continue
+        for promise, where, why in getattr(page, "EXCEPTIONS", ()):
+            yield Exempt(name, promise, where, why)

@@ -1,0 +1,253 @@
+"""The lock of a device: one process at a time, held while a link is open. Its file names the holder.
+
+The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
+holder and its command, and is empty if there is none. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
+one lock. Knows no link's inside.
+"""
+
+from __future__ import annotations
+
+import os
+from typing import NamedTuple
+
+from handctl.errors import HandctlError, LinkError
+from handctl.link.link_interface import OF_A_HOST, host_in, path_in, scheme_of
+from handctl.system import clock, disk, file_locks, processes, serial_ports
+from handctl.system.user_folders import HINT, own, own_folder, private_folders
+
+OURS = ("fake://", "replay:")
+"""Links that nobody else can reach."""
+LAST_STOP_SECONDS = 2.5
+"""How long a lock whose file names no process that lives is waited for: a command that was killed leaves it to the child
+that stops the device."""
+
+
+LIBRARY = "handctl library"
+"""The command of a holder that is no command of handctl, but a program that uses the library."""
+
+
+class Holder(NamedTuple):
+    """The program that is using a device, from the lock file.
+
+    start   when the process began, as the system counts; "" where it does not tell
+    family  "" for a command that has none, as scan
+    writes  whether the command may write; one that reads stops nothing when it is ended
+    link    the LINK as it was given
+    """
+
+    pid: int
+    start: str
+    family: str
+    writes: bool
+    link: str
+    command: str
+
+    def __str__(self) -> str:
+        return f"`{self.command}` (pid {self.pid})"
+
+    @property
+    def line(self) -> str:
+        """The line for the lock file: fields separated by tabs."""
+        kind = "writes" if self.writes else "reads"
+        fields = (str(self.pid), self.start, self.family, kind, self.link, self.command)
+        return "\t".join(" ".join(field.split()) for field in fields) + "\n"
+
+
+class InUse(LinkError):
+    """The device is in use. `holder` is None if the lock file does not name it; `path` is the lock file."""
+
+    def __init__(self, link: str, holder: Holder | None, path: str, family: str) -> None:
+        who = str(holder) if holder is not None else "another handctl"
+        text = f"{link}: the device is in use by {who}"
+        super().__init__(text, hint=_way_out(link, holder, family), code="busy")
+        self.holder = holder
+        self.path = path
+
+
+class Lock:
+    """A held lock; `release` may be called twice. `unrecorded`: why its file does not name the holder."""
+
+    def __init__(self, descriptor: int, path: str) -> None:
+        self._descriptor = descriptor
+        self._family = _family(descriptor)
+        self.path = path
+        self.unrecorded = ""
+
+    def record(self, holder: Holder) -> None:
+        """Write the holder to the file. The lock works even if the disk is full."""
+        self._family = holder.family or self._family
+        try:
+            _write(self._descriptor, holder.line, self._family)
+        except OSError as exc:
+            self.unrecorded = f"{self.path}: {exc.strerror or exc}"
+
+    @property
+    def descriptors(self) -> tuple[int, ...]:
+        """The open descriptors of the lock: a process that keeps them open keeps the lock."""
+        return (self._descriptor,) if self._descriptor >= 0 else ()
+
+    def release(self) -> None:
+        """Let others in. The file stays: taking it away would let two processes lock two files of one name."""
+        descriptor, self._descriptor = self._descriptor, -1  # first: a Ctrl-C behind the close must not close it again
+        if descriptor >= 0:
+            try:
+                _write(descriptor, "\n", self._family)
+            except OSError:
+                pass  # who reads it finds a process that has gone
+            finally:
+                os.close(descriptor)
+
+
+def hold(
+    link: str,
+    command: str,
+    tcp_port: int | None = None,
+    *,
+    family: str = "",
+    writes: bool = False,
+    patience: float | None = None,
+    kept: bool = False,
+) -> Lock | None:
+    """Lock the device at `link`. The file tells later processes the `command`, its `family` and whether it `writes`.
+
+    `tcp_port` is that of a tcp:// without one, `patience` the seconds for a dead holder's last stop, `kept` whether a simulated
+    device is that of several commands. None where there is nothing to lock. Raises InUse naming the holder,
+    LinkError (code "no-lock") where no lock can be made.
+    """
+    if (link.startswith(OURS) or scheme_of(link) == "loop") and not kept:
+        return None
+    descriptor, path = _open(_file_name(canonical(link, tcp_port)))
+    until = clock.now() + (LAST_STOP_SECONDS if patience is None else patience)
+    while True:
+        try:
+            file_locks.whole(descriptor)
+            break
+        except OSError as exc:
+            holder = _holder(descriptor)
+            if holder is None and clock.now() < until:
+                clock.sleep(0.005)
+                continue
+            os.close(descriptor)
+            raise InUse(link, holder, path, family) from exc
+    lock = Lock(descriptor, path)
+    lock.record(Holder(os.getpid(), processes.began(os.getpid()), family, writes, link, command))
+    return lock
+
+
+def last_family(link: str, tcp_port: int | None = None) -> str:
+    """The family of the command that is using the device at `link` or used it last; "" if no lock file says so."""
+    name = _file_name(canonical(link, tcp_port))
+    for folder in private_folders():
+        try:
+            descriptor = os.open(os.path.join(folder, name), os.O_RDONLY | disk.NO_LINK | disk.BINARY)
+        except OSError:
+            continue
+        try:
+            if own(os.fstat(descriptor)) and (found := _family(descriptor)):
+                return found
+        finally:
+            os.close(descriptor)
+    return ""
+
+
+def canonical(link: str, tcp_port: int | None = None) -> str:
+    """The place that a LINK leads to, the same for all its names: ``tty 188:0``, ``tcp host:port``, or the LINK."""
+    if link.startswith("can:"):
+        interface, _, channel = link.removeprefix("can:").partition("?")[0].partition(":")
+        port = channel.partition("@")[0]  # python-can takes what follows for the speed of the port
+        return canonical(port) if interface == "slcan" or port.startswith("/") else f"can {interface}:{channel}"
+    if path := path_in(link):
+        return serial_ports.place(path)
+    scheme = scheme_of(link)
+    if link.startswith("usb:") or scheme == "hwgrep":
+        from handctl.link.serial import find
+
+        try:
+            return serial_ports.place(str(find(link).device))
+        except HandctlError:
+            return link.casefold()  # opening it will say what is wrong
+    if scheme in ("tcp", *OF_A_HOST):
+        from handctl.link.tcp import plain_host
+
+        host, port = host_in(link) or ("", "")
+        if not host:
+            text = link.partition("://")[2].partition("?")[0].rstrip("/").casefold()
+            host, colon, port = text.rpartition(":")
+            if not colon or not (port.isascii() and port.isdecimal()):
+                host, port = text, str(tcp_port or "")
+        return f"tcp {plain_host(host)}:{port.lstrip('0')}"
+    return link.casefold()
+
+
+def _file_name(place: str) -> str:
+    plain = "".join(char if char.isascii() and char.isalnum() else f"%{ord(char):02X}" for char in place)
+    if len(plain) > 200:
+        import hashlib
+
+        plain = hashlib.sha256(place.encode("utf-8", "surrogateescape")).hexdigest()
+    return f"lock-{plain}"
+
+
+def _open(name: str) -> tuple[int, str]:
+    problem: OSError | None = None
+    for folder in private_folders():
+        path = os.path.join(folder, name)
+        try:
+            if not own_folder(folder, make=True):
+                continue
+            return os.open(
+                path, os.O_RDWR | os.O_CREAT | disk.NO_LINK | disk.CLOSED_IN_CHILDREN | disk.BINARY, 0o600
+            ), path
+        except FileExistsError:
+            continue
+        except OSError as exc:
+            problem = exc
+    raise LinkError(
+        f"no folder for the lock that keeps two programs from using one device: {', '.join(private_folders())}"
+        + (f": {problem.strerror}" if problem is not None else ""),
+        hint=HINT,
+        code="no-lock",
+    ) from problem
+
+
+def _write(descriptor: int, line: str, family: str) -> None:
+    os.ftruncate(descriptor, 0)
+    text = f"{line}{family}\n" if family else line.lstrip("\n")
+    disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
+
+
+def _lines(descriptor: int) -> list[str]:
+    return [*disk.read_at(descriptor, 4096, 0).decode("utf-8", "replace").split("\n"), ""]
+
+
+def _family(descriptor: int) -> str:
+    """The family of the last command that had one; of a file that was damaged "", or a word that is none."""
+    try:
+        return _lines(descriptor)[1]
+    except OSError:
+        return ""
+
+
+def _holder(descriptor: int) -> Holder | None:
+    """Who wrote into the lock file; None when it died, and its stop goes out, or has not written its own line yet."""
+    fields = _lines(descriptor)[0].split("\t")
+    if len(fields) != 6 or not fields[0].isdecimal() or len(fields[0]) > 10:
+        return None
+    pid, start, family, kind, link, command = fields
+    if not processes.lives(int(pid)) or start not in ("", processes.began(int(pid))):
+        return None
+    return Holder(int(pid), start, family, kind == "writes", link, command)
+
+
+def _way_out(link: str, holder: Holder | None, family: str) -> str:
+    """What can be done about a device in use, as far as it is true of this holder."""
+    where = f"-p {link}"
+    if link.startswith("fake://"):
+        where = "--fake --can" if link.endswith("?bus=can") else "--fake"
+    kind = (holder.family if holder is not None else "") or family
+    stops = f"`handctl {f'{kind} ' if kind else ''}stop {where}` stops the device and ends that command"
+    if holder is None:
+        return f"wait for it, or: {stops}"
+    if holder.writes:
+        return f"wait for it, or: {stops}; kill {holder.pid} ends it as its Ctrl-C does"
+    return f"wait for it, or: {stops}; it only reads: kill {holder.pid} ends it and stops nothing on the device"

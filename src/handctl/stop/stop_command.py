@@ -1,0 +1,292 @@
+"""The command `stop` of every family: it sends first and reports afterwards. Works without lock, disk or configuration.
+
+If another handctl command is using the device, it is asked to stop it (`stop.stop_listener`). If it does not reply, it is killed
+and the bytes are sent from here. They are also sent to a port that another program has open.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from handctl import errors
+from handctl.command.family import on_can, wire_in
+from handctl.command.options import COMMAND_LINE, NAMED
+from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, UsageError
+from handctl.link import Deadline
+from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
+from handctl.model.command_settings import Settings
+from handctl.model.param import Step
+from handctl.model.result import Column, Table
+from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, writes_without_replies
+from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
+from handctl.system import clock, processes
+
+if TYPE_CHECKING:
+    from handctl.command.run import Run
+
+HEARD_SECONDS = 0.3
+"""A holder that does not answer within this is asleep, or blocked."""
+GONE_SECONDS = 0.2
+"""A process that was ended has let go of the port by then."""
+ASKED_SECONDS = 1.0
+"""How long a whole program that uses the library has to end by itself: what else it does is not ours to cut off."""
+AGAIN_SECONDS = 1.0
+"""How long a port or connection is tried again that somebody has just let go of, or is about to."""
+TRY_SECONDS = 0.01
+COLUMNS = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"), Column("answer", "Answer"))  # fmt: skip
+
+
+def stop(
+    run: Run,
+    sequence: Callable[[StopContext], StopSequence] | None = None,
+    otherwise: Callable[[Any], str] | None = None,
+) -> Table:
+    """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
+
+    `sequence` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence.
+    """
+    began = clock.now()
+    fall_back(run)
+    if run.settings.dry_run:
+        return run.dry_run(_plan(run, sequence))
+    name = run.link_name()
+    until = None if run.settings.deadline is None else Deadline(clock.now, began + run.settings.deadline)
+    for problem in run.said.passed_over:
+        run.journal.warn("passed-over", problem.text, problem.hint)
+    if run.session is not None and not run.session.has(run):
+        run.session = None  # only what a session has open it stops itself
+    ours = run.session is not None
+    lock, told, ended = (None, None, False) if ours else _ask_holder(run, name, until)
+    if told is None or not (told["open"] or told["refused"]):
+        told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise)
+    else:
+        _take_over(run, told)
+    table = Table(rows=told["rows"], columns=COLUMNS, plain=("bytes",))
+    where = "" if name in told["text"] else f"{name}: "
+    if told["refused"]:
+        table.failure = DeviceRefused(f"{where}nothing was sent: {told['text']}", hint=told["hint"], code="not-now")
+    elif told["error"]:
+        kind: type[HandctlError] = getattr(errors, told["error"], HandctlError)
+        table.failure = kind(f"{where}{told['text']}", hint=told["hint"])
+    else:
+        run.journal.info("stopped", f"{where}{told['text']}", told["hint"])
+    return table
+
+
+def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> list[Step]:
+    """What goes out where nothing answers."""
+    assert run.family is not None
+    port, can = run.settings.port, on_can(run.settings)
+    fixed = can or run.family.baud is None or (port or "").startswith(("tcp://", "socket://", "replay:"))
+    speed = None if fixed else run.settings.baud or _last_speed(run, port or "") or run.family.baud
+    context = StopContext(run.settings, can, speed)
+    return writes_without_replies(
+        sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context), reads=True
+    )
+
+
+def _last_speed(run: Run, name: str) -> int | None:
+    """The speed at which the device was found last, where its family keeps that."""
+    return run.family.recall(name) if run.family is not None and run.family.recall is not None else None
+
+
+# -- who has it ---------------------------------------------------------------------------------------------------
+
+
+def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | None, dict[str, Any] | None, bool]:
+    """The lock if it is free; otherwise the holder's report, or None; and whether a holder has just ended."""
+    try:
+        return lock_for(run, name), None, False
+    except InUse as exc:
+        busy = exc
+    except LinkError as exc:
+        run.journal.warn(exc.code, exc.text, exc.hint)
+        return None, None, False
+    from handctl.stop.stop_listener import STOP_SECONDS, ask
+
+    until = clock.now() + HEARD_SECONDS
+    who = busy.holder
+    if who is None or not processes.sleeps(who.pid):
+        while True:
+            heard, told = ask(busy.path, until, _left(bound, STOP_SECONDS))
+            if told is not None:
+                by = str(who) if who is not None else "another handctl"
+                run.journal.info("asked", f"{by} is using the device and was asked to stop it")
+                return None, told, True
+            if heard or clock.now() >= until:
+                break
+            with contextlib.suppress(LinkError):
+                return lock_for(run, name), None, True  # it has let go meanwhile
+            clock.sleep(TRY_SECONDS)
+    _end(run, who)
+    with contextlib.suppress(LinkError):
+        # Its last stop goes out first: two on one port take each other's answers, and collide on two wires.
+        return lock_for(run, name, _left(bound, LAST_STOP_SECONDS) if who is not None else 0.0), None, True
+    return None, None, True
+
+
+def _left(bound: Deadline | None, seconds: float) -> float:
+    """So many seconds, or what the deadline leaves of them."""
+    return seconds if bound is None else min(seconds, max(0.001, bound.remaining))
+
+
+def _take_over(run: Run, told: dict[str, Any]) -> None:
+    """Note in the ledger of this command what another one has sent for it, from the report of that one."""
+    for one in told.get("wire", ()):
+        step = Step(one["meaning"], bytes.fromhex(one["data"]), moves=True, can_id=one["can_id"])
+        run.ledger.plan([step])
+        with run.ledger.repeating():
+            for _ in range(one["times"]):
+                run.ledger.passed(0.0, ">", step.data, step.can_id)
+        run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
+        if told["evidence"]:
+            run.ledger.confirm(told["evidence"], step)
+
+
+def _end(run: Run, who: Holder | None) -> None:
+    """End a holder that does not answer, if it is surely the one and this user's."""
+    if who is None:
+        run.journal.warn(
+            "holder",
+            "another program is using the device and does not respond. Its lock does not identify it",
+            Hint("find the program with {} and end it", "ports"),
+        )
+        return
+    hint = f"end it with `{processes.ENDS} {who.pid}`"
+    try:
+        asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0
+        ended = processes.end(who.pid, who.start, GONE_SECONDS, asking)
+    except OSError as exc:
+        run.journal.warn("holder", f"{who} does not respond and could not be ended: {exc.strerror or exc}", hint)
+        return
+    if not ended:
+        text = f"{who} has the device and does not respond. The system does not show whether it is still that process"
+        run.journal.warn("holder", text, hint)
+    elif ended == processes.ASKED:
+        run.journal.warn("ended", f"{who} had the device and did not respond. It has ended, as SIGTERM asked it to")
+    elif ended == processes.KILLED:
+        why = f"not end within {asking:g} s of SIGTERM, either" if asking else "not respond (asleep or blocked)"
+        run.journal.warn("ended", f"{who} had the device and did {why}. handctl ended it by force")
+
+
+# -- from here ----------------------------------------------------------------------------------------------------
+
+
+def _from_here(
+    run: Run,
+    lock: Lock | None,
+    sequence: Callable[[StopContext], StopSequence] | None,
+    bound: Deadline | None,
+    *,
+    patient: bool,
+    otherwise: Callable[[Any], str] | None,
+) -> dict[str, Any]:
+    """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
+    if run.session is None:
+        run.connection.device_access = DeviceAccess(run, lock)
+    until = clock.now() + _left(bound, AGAIN_SECONDS) if patient else 0.0
+    sent: list[Sent] = []
+    stopped = None
+    while stopped is None or (stopped.error is LinkError and clock.now() < until):
+        try:
+            link = run.open_link(again=stopped is not None, baud=_last_speed(run, run.link_name()))
+        except LinkError:
+            if clock.now() >= until:
+                raise
+            clock.sleep(TRY_SECONDS)
+            continue
+        sent.clear()
+        end = None if bound is None else link.deadline(bound.remaining)
+        with run.prompts.without_interrupts():
+            stopped = stopped_at(run, link, sent, sequence, end)
+    expired = end is not None and end.expired
+    silent = (
+        not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
+    )
+    if silent and otherwise is not None:
+        try:
+            stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)
+        except HandctlError as exc:
+            stopped = stopped._replace(text=errors.joined(stopped.text, exc.text))
+    return report(stopped, sent)
+
+
+# -- what holds up no stop ------------------------------------------------------------------------------------------
+
+
+TIMEOUT = (0.01, 2.0)
+"""Seconds for an answer: a step goes out for one second in all, and not more often than the line can carry it."""
+DEADLINE = 0.1
+"""The least that leaves time for the first bytes."""
+
+
+def fall_back(run: Run) -> None:
+    """Leave those settings of the run that a stop of its family can go out with; warn of each of the others."""
+    family, settings = run.family, run.settings
+    assert family is not None
+    place = run.sources.get("port") or run.sources.get("fake")
+    if settings.kind not in (None, family.kind) and place is not None and place.level != NAMED:
+        source = run.sources["kind"]
+        mine = [key for key, found in run.sources.items() if found.level == NAMED]
+        _drop(run, mine, f"{settings.device!r} is of family {settings.kind} ({source.where})")
+    settings, kind = run.settings, family.kind
+    for key, what in family.lacks.items():
+        if getattr(settings, key) is not None:
+            _drop(run, [key], f"{kind} has no {what}", told=run.sources[key] == COMMAND_LINE)
+    port, wire, baud, (least, most) = settings.port, settings.wire, settings.baud, TIMEOUT
+    if family.speeds and baud is not None and baud not in family.speeds:
+        _drop(run, ["baud"], f"{kind} does not support {baud} bit/s, only {', '.join(map(str, family.speeds))}")
+    if settings.timeout is not None and not least <= settings.timeout <= most:
+        _drop(run, ["timeout"], f"{settings.timeout:g} s for a reply: a stop needs {least:g} to {most:g} s")
+    if settings.deadline is not None and settings.deadline < DEADLINE:
+        _drop(run, ["deadline"], f"{settings.deadline:g} s for the whole stop: it needs {DEADLINE:g} s")
+    if port and wire is not None and not port.startswith("replay:") and wire_in(family, port) != wire:
+        _drop(run, ["wire"], f"{wire} does not fit {port}")
+    _own(run)
+    if family.check is not None:
+        family.check(run.settings)  # what is left of that is the LINK: its bytes could reach another device
+
+
+def _own(run: Run) -> None:
+    """The id and the options of the family: as many as the stop can go out with."""
+    keys = [*(["id"] if run.settings.id is not None else []), *run.settings.own]
+    error = _trouble(run, run.settings) if keys else None
+    if error is None:
+        return
+    alone = next((key for key in keys if _trouble(run, _without(run.settings, [key])) is None), None)
+    dropped = [alone] if alone is not None else keys
+    if _trouble(run, _without(run.settings, dropped)) is None:  # else it is the LINK
+        _drop(run, dropped, error.text)
+
+
+def _trouble(run: Run, settings: Settings) -> HandctlError | None:
+    """Why nothing would go out with these settings, None where it would."""
+    assert run.family is not None
+    try:
+        if run.family.check is not None:
+            run.family.check(settings)
+        writes_without_replies(stop_sequence_of(run.family.kind, StopContext(settings, on_can(settings))), reads=True)
+    except HandctlError as exc:
+        return exc
+    except (ValueError, LookupError, OverflowError, TypeError, AttributeError) as exc:
+        return UsageError(f"{type(exc).__name__}: {exc}")
+    return None
+
+
+def _without(settings: Settings, keys: list[str]) -> Settings:
+    shared = {key: value for key, value in Settings()._asdict().items() if key in keys}
+    return settings._replace(**shared, own={key: value for key, value in settings.own.items() if key not in keys})
+
+
+def _drop(run: Run, keys: list[str], why: str, *, told: bool = True) -> None:
+    run.settings = _without(run.settings, keys)
+    found: dict[str, Any] = {key: run.sources.get(key, COMMAND_LINE) for key in keys}
+    run.sources = {key: source for key, source in run.sources.items() if key not in keys}
+    if told:
+        names = ", ".join(found)
+        where = ", ".join(dict.fromkeys(source.where or source.level for source in found.values()))
+        run.journal.warn(
+            "passed-over", f"{names} ({where}): {why}", "a stop never waits for a setting: the default was used"
+        )
