@@ -63,7 +63,7 @@ class Exo(Device):
         duration: Number | None = None,
         find_baud: bool = False,
     ) -> Stream:
-        """Record what the device says by itself, in words. Sends nothing."""
+        """Show what the device sends without a request, decoded. Sends nothing."""
     def terminal(
         self,
         *lines: str,
@@ -226,7 +226,7 @@ class Wrist(Device):
         duration: Number | None = None,
         find_baud: bool = False,
     ) -> Stream:
-        """Record what the device says by itself, in words. Sends nothing."""
+        """Show what the device sends without a request, decoded. Sends nothing."""
     def terminal(
         self,
         *lines: str,
@@ -368,7 +368,7 @@ class Barrett(Device):
         duration: Number | None = None,
         find_baud: bool = False,
     ) -> Stream:
-        """Record what the device says by itself, in words. Sends nothing."""
+        """Show what the device sends without a request, decoded. Sends nothing."""
     def terminal(
         self,
         *lines: str,
@@ -496,7 +496,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Open to OT."""
+        """Open to the open target (parameter OT)."""
     def close(
         self,
         *,
@@ -506,7 +506,7 @@ class Barrett(Device):
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Close to CT. To grip an object, add --expect contact."""
+        """Close to the close target (parameter CT). To grip an object, add --expect contact."""
     def move(
         self,
         *values: Value | Mapping[str, Value],
@@ -731,7 +731,7 @@ class Ekso(Device):
         find_baud: bool = False,
         length_mode: str | None = None,
     ) -> Stream:
-        """Record what the device says by itself, in words. Sends nothing."""
+        """Show what the device sends without a request, decoded. Sends nothing."""
     def terminal(
         self,
         *lines: str,
@@ -887,7 +887,7 @@ class Aidin(Device):
         duration: Number | None = None,
         find_baud: bool = False,
     ) -> Stream:
-        """Record what the device says by itself, in words. Sends nothing."""
+        """Show what the device sends without a request, decoded. Sends nothing."""
     def terminal(
         self,
         *lines: str,
@@ -1014,7 +1014,7 @@ class Hand(Device):
         duration: Number | None = None,
         find_baud: bool = False,
     ) -> Stream:
-        """Record what the device says by itself, in words. Sends nothing."""
+        """Show what the device sends without a request, decoded. Sends nothing."""
     def terminal(
         self,
         *lines: str,

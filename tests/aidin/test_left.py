@@ -210,7 +210,7 @@ def test_a_ramp_begins_far_outside_only_when_that_is_wanted() -> None:
     link = streamer(feedback(joint_pos=angles))
     with refused(CheckFailed, "start-out-of-range", "index.q1 -63.0") as caught:
         motion.move(hand_on(link), parse(ANGLES, ALL), Prompts(), assume_homed=False)
-    assert "--assume-homed starts at the limit" in caught.value.hint and link.sent == []
+    assert "--assume-homed skips homing" in caught.value.hint and link.sent == []
     assert motion.move(hand_on(link), parse(ANGLES, ALL), Prompts(), assume_homed=True).failure is not None
     assert link.sent
     angles[4] = -0.82  # -47 deg: the figures of the ranges need not be that exact

@@ -153,7 +153,8 @@ def test_a_quantity_that_cannot_be_read_does_not_end_with_0() -> None:
 def test_a_hand_whose_every_object_is_damaged_is_told_what_is_wrong_with_it() -> None:
     twice = line(feedback()).replace(b'{"motor_pos"', b'{"motor_pos":[1],"motor_pos"', 1)
     with pytest.raises(
-        ProtocolError, match=r"feedback, but not as the manual has it \(an object that contains 'motor_pos' twice\): "
+        ProtocolError,
+        match=r"feedback, but not as the manual describes \(an object that contains 'motor_pos' twice\): ",
     ):
         hand_on(ScriptedLink(lambda _: [(0.01, twice)])).dump()
 

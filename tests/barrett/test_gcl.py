@@ -253,7 +253,7 @@ def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monke
     monkeypatch.chdir(tmp_path)
     shown = person("barrett", "gcl", "-p", "fake://barrett?clock=virtual", *more, answers=["VERS"])
     assert shown.code == 2
-    assert "needs a terminal" in " ".join(shown.text.split()) and "=> " not in shown.text
+    assert "interactive terminal" in " ".join(shown.text.split()) and "=> " not in shown.text
     assert not (tmp_path / "data.txt").exists()
 
 

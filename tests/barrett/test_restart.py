@@ -25,7 +25,7 @@ def test_a_question_is_asked_again_after_the_prompt(boot: str, echo: bytes) -> N
         link.put(1.0 + place, piece)
     assert hand.line.read("FGET P").lines == ("1 2 3 4",)
     assert codes(hand) == ["restarted"]
-    assert "needs HI" in hand.journal.messages[0].text
+    assert "must be initialized (HI)" in hand.journal.messages[0].text
     assert link.sent_at[-1] >= (1.0 if boot == "apart" else 0.0)
     assert b"\x03" not in link.sent
 
@@ -37,7 +37,7 @@ def test_what_moves_or_writes_is_not_repeated(boot: str, command: str) -> None:
     with pytest.raises(Restarted) as caught:
         hand.line.ask(command)
     assert (caught.value.code, caught.value.exit_code) == ("restarted", 5)
-    assert "needs HI" in caught.value.text
+    assert "must be initialized (HI)" in caught.value.text
     assert link.sent == [command.encode() + b"\r"], "no ^C: nothing moves any more"
     assert link.clock < 1.0
 
@@ -83,7 +83,7 @@ def test_a_banner_before_the_echo_of_the_version_is_a_restart() -> None:
 def test_watch_over_a_power_cycle(off: float, chunk: str) -> None:
     link = f"fake://barrett?clock=virtual&wire=auto&boot-chunk={chunk}&switch=1,{1 + off}&initialized=1"
     result = run("barrett", "watch", "P", "--rate", "5", "--duration", "6", "-p", link, "--json")
-    assert "needs HI" in result.out, result
+    assert "must be initialized (HI)" in result.out, result
 
 
 @pytest.mark.parametrize("chunk", ["apart", "together"])
@@ -93,7 +93,7 @@ def test_realtime_over_a_power_cycle(chunk: str) -> None:
         "barrett", "realtime", "--receive", "position", "--motors", "1", "--duration", "3", "-p", link, "--json"
     )
     assert result.code == 5, result
-    assert "the hand restarted because of its power or its cable, and needs HI" in result.out
+    assert "the hand restarted because of a power or cable problem, and must be initialized (HI)" in result.out
 
 
 @pytest.mark.parametrize("boot", [0.3, 0.46, 0.48, 0.5, 0.502, 0.51, 0.53, 0.55, 1.2])

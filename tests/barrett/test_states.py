@@ -239,7 +239,7 @@ def test_a_connect_at_the_remembered_speed_is_one_round_trip() -> None:
 
 
 SAID = {
-    "boot": ("restarted", "needs HI"),
+    "boot": ("restarted", "must be initialized (HI)"),
     "loop": ("loop", "was in RealTime"),
     "loop-block": ("loop", "in a control block that was cut off"),
     "loop-moving": ("moving", "counts in 0.1 s"),

@@ -52,7 +52,7 @@ def test_what_goes_wrong_at_the_second_link_is_the_end_of_the_command() -> None:
     assert "id 2 on fake://exo" in result.error["text"]
     result = run("exo", "both", "can:slcan:/dev/null", "2", "-p", ONE, "--json")
     assert result.code == 2
-    assert "no CAN wire" in result.error["text"]
+    assert "no CAN interface" in result.error["text"]
 
 
 @pytest.mark.real

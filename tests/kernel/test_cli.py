@@ -322,7 +322,7 @@ def test_an_internal_error_is_exit_1_and_one_message(monkeypatch: pytest.MonkeyP
 def test_can_is_refused_by_a_device_without_that_wire() -> None:
     result = run("exo", "dump", "-p", "can:socketcan:can0", "--json")
     assert (result.code, result.error["code"]) == (2, "usage")
-    assert "no CAN wire" in result.error["text"]
+    assert "no CAN interface" in result.error["text"]
 
 
 def test_dry_run_for_good_does_not_keep_from_reading() -> None:

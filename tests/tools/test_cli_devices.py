@@ -122,7 +122,7 @@ def test_a_dry_run_writes_nothing(place: Place) -> None:
         (("a", "aidin", "-p", "tcp://h", "--baud", "9600"), "--baud: aidin has no serial port"),
         (("a", "aidin", "-p", "/dev/ttyUSB0"), "no serial port"), (("a", "aidin", "-p", "usb:0403:6001"), "no serial port"),
         (("a", "aidin", "-p", "COM3"), "no serial port"), (("a", "aidin", "-p", "spy:///dev/ttyUSB0"), "no serial port"),
-        (("a", "exo", "-p", "can:socketcan:can0"), "no CAN wire"), (("a", "wrist", "-p", "can:socketcan"), "can:INTERFACE"),
+        (("a", "exo", "-p", "can:socketcan:can0"), "no CAN interface"), (("a", "wrist", "-p", "can:socketcan"), "can:INTERFACE"),
         (("a", "exo", "-p", "fake://wrist"), "simulated wrist"), (("a", "exo", "-p", "nosuch://x"), "nosuch://"),
         (("a", "exo", "-p", "socket://"), "the address is missing"), (("a", "exo", "-p", "/dev/x", "--id", "255"), "255"),
         (("a", "exo", "-p", "/dev/x", "--timeout", "inf"), "finite"), (("a", "exo", "-p", "/dev/x", "-d", "a"), "-d"),
@@ -160,7 +160,7 @@ def test_a_name_that_plugging_changes_gets_a_better_one(
         (adapter / key).write_text(f"{text}\n")
     result = place("devices", "add", "a", "exo", "-p", "/dev/ttyUSB0", "--json")
     (warning,) = [message for message in result.json["messages"] if message["level"] == "warning"]
-    assert (warning["code"], warning["hint"]) == ("unstable-name", "-p usb:0403:6001:A1B2")
+    assert (warning["code"], warning["hint"]) == ("unstable-name", "Use -p usb:0403:6001:A1B2")
     assert result.rows[0]["link"] == "/dev/ttyUSB0"
     by_id.mkdir()
     (by_id / "usb-FTDI_A1B2-if00").symlink_to("/dev/ttyUSB0")

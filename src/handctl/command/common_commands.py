@@ -182,7 +182,7 @@ def add_map_verbs(
         """Save the settings of the device, and the set points that it keeps, to FILE.
 
         FILE also contains the device's identity, the handctl version, the time and a checksum. It replaces only another snapshot.
-        `diff` and `restore` use the settings. The set points need --setpoints.
+        By default, `diff` and `restore` use only the settings. Where they have --setpoints, it adds the set points.
         """
         from handctl.command import snapshots
 
@@ -248,7 +248,7 @@ def add_map_verbs(
         help="Try the documented baud rates in turn, and stay at the one at which the bytes make sense.",
     )
     def listen(run: Run, count: int | None, duration: float | None, find_baud: bool) -> Table:
-        """Record what the device says by itself, in words. Sends nothing.
+        """Show what the device sends without a request, decoded. Sends nothing.
 
         You can start it before the device is switched on. Ctrl-C ends it, and a summary follows. --trace FILE keeps the bytes
         for `trace show` and -p replay:FILE. Exit code 4 means that not a single byte came.
@@ -264,9 +264,9 @@ def add_map_verbs(
         """Send typed lines, and show every byte that comes, in words.
 
         A line is hexadecimal bytes, on CAN a frame such as 1A3#DEADBEEF, and for a device that speaks text a line of text (there
-        `hex` begins a line of bytes). Without LINE, they come from stdin: on a terminal you can type, otherwise it is a script,
-        of which every line is checked before the first is sent. Ctrl-D ends the terminal and leaves the device as it is. Ctrl-C stops it
-        if something was sent that may move it. --trace FILE keeps the bytes.
+        `hex` begins a line of bytes). Without LINE, the lines come from stdin. On a terminal, you type them. Otherwise they are a
+        script: handctl checks every line before it sends the first. Ctrl-D ends the terminal and leaves the device as it is.
+        Ctrl-C also stops the device if something was sent that may move it. --trace FILE keeps the bytes.
         """
         from handctl.tools.terminal_command import terminal as typed
 

@@ -46,7 +46,7 @@ class Invocation:
     session  the commands of which this is one, and what they have in common; None for one that stands alone
     in_use   whether the simulated device of plain --fake is shown in use
     link     once it is open, and `opened` the device behind it
-    end      when --deadline is over, by the clock of the link
+    end      when --deadline has passed, by the clock of the link
     """
 
     shows = True
@@ -119,7 +119,8 @@ class Invocation:
         if port and not port.startswith("replay:"):
             if is_can(port) and (self.family is None or "can" not in self.family.wires):
                 raise UsageError(
-                    f"{port}: this device has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
+                    f"{port}: this device has no CAN interface",
+                    hint="give a serial port, usb:VID:PID or tcp://HOST:PORT",
                 )
             if wire is not None and self.family is not None and wire_in(self.family, port) != wire:
                 raise UsageError(
@@ -334,4 +335,4 @@ def tell_unasked(run: Invocation, question: str, steps: Sequence[Step]) -> None:
             run.journal.messages.append(Message("warning", UNASKED, text))
             print_message("warning", text, "")
     elif source.level == FILE:
-        run.journal.warn("yes-from-file", f"not asked, because of yes = true in {source.where}")
+        run.journal.warn("yes-from-file", f"confirmation was skipped, because of yes = true in {source.where}")

@@ -244,7 +244,7 @@ def _tell(run: Run, recording: Recording) -> None:
         most = max((segment.first.off_ms for segment in parted), key=abs) / 1000
         unfit = f" Segment {line.segments[-1].number} does not use {clock}." if line.unfit else ""
         maybe = (
-            " It may have been restarted, or replaced by another device."
+            " The device may have been restarted, or replaced by another one."
             if any(s.rebooted is None for s in parted)
             else ""
         )
@@ -256,7 +256,7 @@ def _tell(run: Run, recording: Recording) -> None:
     if recording.skipped:
         run.journal.info(
             "skipped",
-            f"{plural(recording.skipped, 'tick')} of --rate without a request: the device or this machine was late, or the port was gone",
+            f"{plural(recording.skipped, 'tick')} of --rate had no request: the device or this computer was late, or the port was gone",
         )
     if recording.lost:
         run.journal.warn(

@@ -445,7 +445,9 @@ REPLY_WAIT = click.option(
 )
 page_options = combined_options(
     click.option(
-        "--include-ids", is_flag=True, help="Include serial numbers, pilot ids, and the replies that contain them."
+        "--include-ids",
+        is_flag=True,
+        help="Include serial numbers, the wearer's number (pilot id), and the replies that contain them.",
     ),
     click.option("--force", is_flag=True, help="Replace FILE.html if it exists."),
 )
@@ -456,14 +458,14 @@ LIMIT = click.option(
     "limits",
     multiple=True,
     metavar="NAME=VALUE",
-    help="At the end, exit with code 7 if NAME rose above VALUE or left LOWEST..HIGHEST. Can be repeated.",
+    help="At the end, exit with code 7 if NAME rose above VALUE or left NAME=LOWEST..HIGHEST. Can be repeated.",
 )
 UNTIL = click.option(
     "--until",
     "until",
     multiple=True,
     metavar="NAME=VALUE",
-    help="End when NAME rises above VALUE, or leaves LOWEST..HIGHEST. Can be repeated.",
+    help="End when NAME rises above VALUE or leaves NAME=LOWEST..HIGHEST. Can be repeated.",
 )
 BOUNDS = combined_options(LIMIT, UNTIL)
 
@@ -500,7 +502,7 @@ log_options = combined_options(
     click.option(
         "--check",
         is_flag=True,
-        help="Record nothing: check the recording FILE, and show its segments, breaks and the fit of the two clocks. "
+        help="Record nothing: check the recording FILE, and show its segments, its gaps, and how well the device's clock and this computer's agree. "
         "Needs no device. Exit code 7 if it is incomplete or does not match its sidecar.",
     ),
     BOUNDS,

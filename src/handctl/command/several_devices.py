@@ -182,7 +182,7 @@ class EveryAccess(DeviceAccess):
             thread.start()
         for thread in threads:
             thread.join(STOP_SECONDS)
-        missing = LinkError("the stop has not ended: it is unknown what was sent", code=NOT_STOPPED)
+        missing = LinkError("the stop has not finished, so what was sent is unknown", code=NOT_STOPPED)
         every_one = [(each.name, found.get(each.name, missing)) for each in every]
         bad = [error for _, error in every_one if error.code != STOPPED]
         worst = max(bad, key=lambda error: error.exit_code) if bad else every_one[0][1]

@@ -153,14 +153,14 @@ def _need_settings(params: ParamMap[Any], setpoints: bool) -> None:
         names = [element.full_name for element in params.kept()]
         raise UsageError(
             f"{params.kind} has no settings, only {counted(params, names)}",
-            hint="--setpoints takes them. Nothing was sent.",
+            hint="add --setpoints to include them. Nothing was sent.",
             code="no-settings",
         )
 
 
 def _tell_left_out(run: Run, params: ParamMap[Any], names: Sequence[str], done: str) -> None:
     if names:
-        run.journal.info("setpoints", f"not {done}: {counted(params, names)}", hint="--setpoints takes them too")
+        run.journal.info("setpoints", f"not {done}: {counted(params, names)}", hint="add --setpoints to include them")
 
 
 # -- restore ------------------------------------------------------------------------------------------------------

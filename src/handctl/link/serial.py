@@ -262,7 +262,7 @@ class SerialLink(ByteLink):
         except (serial.SerialException, OSError, ValueError) as exc:
             raise LinkError(
                 f"{self.name}: the port cannot be set to {baud} bit/s: {exc}",
-                hint="choose a speed that this adapter has with --baud",
+                hint="use --baud with a baud rate that this adapter supports",
                 code="baud",
             ) from exc
         self.baud = baud

@@ -14,7 +14,7 @@ from handctl.system.waits import connect, readable, writable
 CONNECT_SECONDS = 3.0
 QUICKACK = getattr(socket, "TCP_QUICKACK", None)
 """Linux: acknowledge what arrives at once. The system forgets it again, so it is asked for before each wait."""
-TAKEN = "Another program may be using the device: many devices accept only one client"
+TAKEN = "Check whether another program is using the device: many devices accept only one client"
 
 
 def split_address(link: str, default_port: int | None = None) -> tuple[str, int]:

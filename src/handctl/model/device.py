@@ -124,7 +124,7 @@ class Line:
 
     @property
     def over(self) -> bool:
-        """Whether --deadline is over."""
+        """Whether --deadline has passed."""
         return self.bound is not None and self.bound.expired
 
     def deadline(self, seconds: float) -> Deadline:
@@ -133,11 +133,11 @@ class Line:
         return end if self.bound is None else end.earlier(self.bound)
 
     def check_bound(self, unsent: str = "") -> None:
-        """Raise NoAnswer when --deadline is over; nothing is sent then, `unsent` neither: the device may be worn."""
+        """Raise NoAnswer when --deadline has passed; nothing is sent then, `unsent` neither: the device may be worn."""
         if self.over:
             unsent = f"{unsent} was not sent" if unsent else ""
             raise NoAnswer(
-                joined(f"{self.where}: --deadline is over", unsent), hint="give a longer --deadline", code="deadline"
+                joined(f"{self.where}: --deadline has passed", unsent), hint="give a longer --deadline", code="deadline"
             )
 
     def pause(self, seconds: float) -> None:
@@ -160,8 +160,8 @@ class Line:
         """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
         if self.over:
             raise NoAnswer(
-                f"{self.where}: --deadline ended the wait for {what}. The result is not known",
-                hint="read the values before you repeat the command. A longer --deadline waits for the end",
+                f"{self.where}: --deadline passed before the end of {what}. The result is not known",
+                hint="read the values before you repeat the command. With a longer --deadline, handctl waits for the end of the movement",
                 code="deadline",
             )
 
@@ -196,7 +196,7 @@ class Line:
         if not ways or list(again()) != ways:
             return exc
         made = exc.reworded(
-            f"{self.where}: the device replies, but not as the manual has it: {', '.join(ways)} (received {hex_bytes(exc.came[:40])})",
+            f"{self.where}: the device replies, but not as the manual describes: {', '.join(ways)} (received {hex_bytes(exc.came[:40])})",
             hint="report the bytes shown: it may have another firmware. handctl reads no values from such replies",
             code=OTHER_FORM,
         )
@@ -210,7 +210,7 @@ class Line:
         """
         seconds = self.link.now() - since
         bounded = self.over and seconds < allowed
-        waited = f"before --deadline was over, after {round(seconds, 2):g} s" if bounded else f"within {allowed:g} s"
+        waited = f"before --deadline passed, after {round(seconds, 2):g} s" if bounded else f"within {allowed:g} s"
         error = NoAnswer(f"{self.where}: no reply to {request} {waited}", hint=hint)
         error.bounded = bounded
         return error
@@ -272,7 +272,7 @@ class Device(ABC):
         self._line.overheard(data)
 
     def reopen(self, again: Callable[[], bool]) -> bool:
-        """Open a port that was lost by `again`, unless --deadline is over; False where there is no such way. Raises LinkError."""
+        """Open a port that was lost by `again`, unless --deadline has passed; False where there is no such way. Raises LinkError."""
         self._line.check_bound()
         if not again():
             return False

@@ -84,7 +84,9 @@ def settings_of(content: Mapping[str, Any], path: str) -> dict[str, str]:
             continue
         if not isinstance(value, str) or value not in allowed:
             raise UsageError(
-                f"{path}: {name} is {value!r}", hint=f"known: {', '.join(allowed)}. Nothing was sent.", code="facts"
+                f"{path}: {name} has the unknown value {value!r}",
+                hint=f"known: {', '.join(allowed)}. Nothing was sent.",
+                code="facts",
             )
         if setting := allowed[value] if isinstance(allowed, dict) else value:
             found[key] = setting

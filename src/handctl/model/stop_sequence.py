@@ -268,8 +268,8 @@ def _frames(link: FrameLink, action: StopStep, pieces: Pieces, went: Callable[[]
         return
     if action.step.can_id is None:
         raise LinkError(
-            f"{link.name}: bytes of a serial wire cannot go out on CAN",
-            hint="give the LINK of the wire that the device has",
+            f"{link.name}: bytes for a serial line cannot be sent on CAN",
+            hint="give a LINK of the kind that the device has",
         )
     request = CanFrame(action.step.can_id, action.step.data)
     link.send(request, link.deadline(WRITE_SECONDS))

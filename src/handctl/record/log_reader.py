@@ -410,7 +410,11 @@ def parse_fixed(text: str, decimals: int) -> int:
 
 def damaged(path: str, line: int, what: str) -> UsageError:
     """The error for a file that is not a whole log."""
-    return UsageError(f"{path} line {line}: {what}", hint=f"not a log, or corrupted. {UNTOUCHED}", code="damaged-log")
+    return UsageError(
+        f"{path} line {line}: {what}",
+        hint=f"choose another file: this one is not a log, or is corrupted. {UNTOUCHED}",
+        code="damaged-log",
+    )
 
 
 def out_of_order(path: str, line: int) -> UsageError:

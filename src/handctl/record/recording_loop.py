@@ -38,7 +38,7 @@ class Limits(NamedTuple):
     rows      rows of the file; None = no limit
     duration  seconds; None = no limit
     silence   seconds without an answer that end it
-    bound     when --deadline is over, by the clock of the link; None = never
+    bound     when --deadline has passed, by the clock of the link; None = never
     over      (rows, seconds from the first) -> whether these are the last; None = never
     """
 

@@ -25,7 +25,7 @@ class SimError(click.ClickException):
         self.hint = hint
 
 
-SERVING = "check that the place to serve at is free, and check the files named in the options"
+SERVING = "check that the endpoint is free, and check the files named in the options"
 CONTROL = "start the simulator with --control PATH and give the same PATH here"
 COMMANDS = "use `help` as COMMAND to list the commands of this simulator"
 
@@ -232,7 +232,7 @@ def _serve(
         first = "either --pty or --tcp HOST:PORT" if "serial" in wires else "--tcp HOST:PORT"
         more = ", or --slcan-pty or --slcan-tcp HOST:PORT" if "can" in wires else ""
         more += ", or --modbus-pty or --modbus-tcp HOST:PORT" if "modbus-tcp" in wires else ""
-        raise click.UsageError(f"{'More than one' if given_places else 'No'} place to serve at. Give {first}{more}")
+        raise click.UsageError(f"{'More than one' if given_places else 'No'} endpoint given. Give {first}{more}")
     if by_id is not None and not (on_pty or modbus_pty):
         raise click.UsageError("--by-id needs --pty")
     raw = _raw_options(given, fault, settings)
@@ -313,9 +313,7 @@ def _bus(
     on_pty, slcan_pty, place = given["on_pty"], given["slcan_pty"], given["tcp"] or given["slcan_tcp"]
     on_line, on_can = on_pty or given["tcp"] is not None, slcan_pty or given["slcan_tcp"] is not None
     if not on_line and not on_can:
-        raise click.UsageError(
-            "No place to serve at. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"
-        )
+        raise click.UsageError("No endpoint given. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT")
     if by_id is not None and not on_pty and not slcan_pty:
         raise click.UsageError("--by-id needs --pty or --slcan-pty")
     from handctl.sim.bus.bus_file import read

@@ -162,13 +162,13 @@ def _end(run: Run, who: Holder | None) -> None:
         run.journal.warn("holder", f"{who} does not respond and could not be ended: {exc.strerror or exc}", hint)
         return
     if not ended:
-        text = f"{who} has the device and does not respond. The system does not show whether it is still that process"
+        text = f"{who} is using the device and does not respond. The system does not show whether process {who.pid} is still that program"
         run.journal.warn("holder", text, hint)
     elif ended == processes.ASKED:
-        run.journal.warn("ended", f"{who} had the device and did not respond. It has ended, as SIGTERM asked it to")
+        run.journal.warn("ended", f"{who} was using the device and did not respond. It ended after SIGTERM")
     elif ended == processes.KILLED:
-        why = f"not end within {asking:g} s of SIGTERM, either" if asking else "not respond (asleep or blocked)"
-        run.journal.warn("ended", f"{who} had the device and did {why}. handctl ended it by force")
+        why = f"not end within {asking:g} s of SIGTERM" if asking else "not respond (asleep or blocked)"
+        run.journal.warn("ended", f"{who} was using the device and did {why}. handctl ended it by force")
 
 
 # -- from here ----------------------------------------------------------------------------------------------------

@@ -213,7 +213,9 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
     family.open(NoFrames() if is_can(port) else NoLink(), run.settings._replace(**given), run.journal)
     stable = stable_name(port)
     if stable:
-        run.journal.warn("unstable-name", f"{port} may be another adapter after the next plugging", f"-p {stable}")
+        run.journal.warn(
+            "unstable-name", f"{port} may be a different adapter the next time one is plugged in", f"use -p {stable}"
+        )
 
 
 def check_link(link: str, family: Family) -> None:
@@ -229,7 +231,7 @@ def check_link(link: str, family: Family) -> None:
     elif link.startswith("can:"):
         if "can" not in family.wires:
             raise UsageError(
-                f"{link}: {family.kind} has no CAN wire", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
+                f"{link}: {family.kind} has no CAN interface", hint="give a serial port, usb:VID:PID or tcp://HOST:PORT"
             )
         from handctl.link.can import split_link
 

@@ -290,7 +290,7 @@ def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Ta
     rows = [_row(one, curve) for one in found for curve in one.curves]
     moved = sum(row["moved"] for row in rows)
     run.journal.info(
-        "plotted", f"{plural(sum(one.rows for one in found), 'row')}, {moved} of {plural(len(rows), 'curve')} moved"
+        "plotted", f"{plural(sum(one.rows for one in found), 'row')}, {moved} of {plural(len(rows), 'curve')} changed"
     )
     table = Table(rows=rows, columns=COLUMNS)
     if opens or not rows_only:

@@ -57,8 +57,8 @@ def cli(
 ) -> Table | PlannedAction:  # fmt: skip
     """Find out what the documents leave open about one device.
 
-    Each experiment compares what the device does with what handctl assumes: as assumed, differs, not shown or refused. A
-    disturbed line never gives a fact. With -o FILE the facts go to FILE (JSON), for --facts on later commands, and the table is
+    Each experiment compares what the device does with what handctl assumes. The result is one of: as assumed, differs,
+    not shown (inconclusive), refused. A disturbed line never gives a fact. With -o FILE the facts go to FILE (JSON), for --facts on later commands, and the table is
     still printed. `handctl prove diff A B` compares two such files.
     """
     what = what or run.settings.kind

@@ -81,7 +81,7 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
             journal.warn("deadline", f"{search.link}: --deadline ended the search")
         silent = search.verdict is not None and search.verdict.code == NoAnswer.default_code
         if search.left and silent and not search.rows:
-            journal.warn("not-asked", f"{search.link}: this was not asked: {'; '.join(search.left)}")
+            journal.warn("not-asked", f"{search.link}: the search did not try: {'; '.join(search.left)}")
     if stopped:
         table.failure = stopped[0]
     elif not table.rows:
@@ -124,9 +124,9 @@ def _nothing(search: Search) -> HandctlError:
             return ProtocolError(text, hint=f"{MODBUS_HINT}. Nothing was sent.", code="modbus")
         for family, ids in search.overheard.items():
             text = f"{name}: another program or master communicates with {family} id {', '.join(map(str, ids))} on this line ({shown})"
-            anyway = Hint("end it for the search, or search anyway: {}. Nothing was sent.", f"{family} scan --all")
+            anyway = Hint("stop whatever is sending, or search anyway: {}. Nothing was sent.", f"{family} scan --all")
             return ProtocolError(text, hint=anyway, code="talks")
-        text = f"{name}: {plural(len(unasked), 'byte')} arrived before anything was asked ({shown}). None of these devices does that"
+        text = f"{name}: {plural(len(unasked), 'byte')} arrived before handctl sent anything ({shown}). No supported device does that"
         return ProtocolError(
             text, hint="check for another device, or a wrong speed (--baud). Nothing was sent.", code="talks"
         )
@@ -151,7 +151,7 @@ def _nothing(search: Search) -> HandctlError:
 CONTACT = ("boot-monitor", OTHER_FORM, "bad-length")
 """Codes of what is evidently a device of that family, and yet gives no valid reply."""
 SILENCE = (
-    "check power, cable, crossed TX and RX, RS-232 on RS-485. --all waits longer for each reply. For a CAN adapter give "
+    "check the power and the cable, and that TX and RX are not swapped and RS-232 is not connected to RS-485. --all waits longer for each reply. For a CAN adapter give "
     "-p can:slcan:PORT"
 )
 GARBAGE = "check for another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"

@@ -65,7 +65,7 @@ STEPS = {
     flag_value="any",
     type=click.Choice(["any", *FAMILIES]),
     metavar="[FAMILY]",
-    help="Practise on a simulated device with a fault, which you find.",
+    help="Practise finding the fault of a simulated device.",
 )
 @click.option("--finding", metavar="FAULT", help="Your finding in a demo. Without it, handctl asks.")
 @click.option("--seed", type=WholeRange(min=0), metavar="N", help="Choose the fault of a demo by this number.")
@@ -82,7 +82,7 @@ def cli(
 
     Finds port and device, then runs doctor, the family's diagnosis, status and some seconds of watching, and proposes one next step.
     It only reads: a step that writes or moves is shown as the command to type. If a step fails, the report says so, and the others
-    still run. On a terminal it asks for the complaint and before each step. `diff` compares two reports, and `-p replay:FILE.html`
+    still run. On a terminal it asks for the complaint, and for confirmation before each step. `diff` compares two reports, and `-p replay:FILE.html`
     plays one. Exit code 7 means that something was found or could not be read.
     """
     from handctl.tools.service_steps import Service, ServiceOptions

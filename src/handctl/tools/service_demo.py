@@ -28,7 +28,9 @@ def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes:
     practice: dict[str, str] = load(kind, "remedies").TRAINING_FAULTS
     faults = tuple(practice)
     if finding is not None and finding not in faults:
-        raise UsageError(f"--finding {finding}: no fault of a demo of {kind}", hint=f"give one of {', '.join(faults)}")
+        raise UsageError(
+            f"--finding {finding}: not a fault in a demo of {kind}", hint=f"give one of {', '.join(faults)}"
+        )
     fault = draw.choice(faults)
     run.settings = run.settings._replace(
         port="&".join(filter(None, (f"fake://{kind}?fault={fault}&clock=virtual", practice[fault])))

@@ -158,5 +158,7 @@ def shell(run: Run, family: str) -> None:
     if not run.prompts.interactive:
         raise UsageError("the shell needs a terminal", hint=Hint("send the lines to {}", "batch"), code="no-terminal")
     if run.settings.output:
-        raise UsageError("the shell writes to the terminal", hint="give -o in a line of it")
+        raise UsageError(
+            "the shell cannot write its output to a file", hint="give -o in a line that you type in the shell"
+        )
     Shell(run, family, input).run()

@@ -171,7 +171,7 @@ class Conversation:
     def send(self, typed: Typed) -> None:
         """One line, once. From the first that moves something on, Ctrl-C and the death of this process stop the device.
 
-        Raises NotIdentified, NoAnswer where --deadline is over, LinkError.
+        Raises NotIdentified, NoAnswer where --deadline has passed, LinkError.
         """
         run, step, link = self._run, typed.step, self.link
         device = run.device()
@@ -183,7 +183,7 @@ class Conversation:
             finally:
                 self._checking = False
         if run.end is not None and link.now() >= run.end:
-            text = f"{link.name}: --deadline is over. {step.wire} was not sent"
+            text = f"{link.name}: --deadline has passed. {step.wire} was not sent"
             raise NoAnswer(text, hint="give a longer --deadline", code="deadline")
         if step.moves and not self._drives:
             self._drives = True
@@ -284,7 +284,7 @@ def _at_prompt(run: Run, wait: float, *, as_hex: bool) -> Table:
         )
     if run.settings.format != "table" or run.settings.output or not is_terminal(sys.stdout):
         hint = "for --json, -o or a redirected stdout, give the lines as arguments or on stdin"
-        raise UsageError("the terminal needs a terminal as its output", hint=hint, code="no-terminal")
+        raise UsageError("`terminal` must write to an interactive terminal", hint=hint, code="no-terminal")
     keyboard = Keyboard(run, as_hex=as_hex)
     show = lambda row: run.out(line_of(row, width_of(run), as_hex=as_hex))  # noqa: E731
     with Conversation(run, wait, show) as talk:

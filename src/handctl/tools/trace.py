@@ -277,7 +277,7 @@ def decode(run: Run, family: str, hex_bytes: tuple[str, ...], side: str | None) 
     pieces: list[ExplainedBytes] = []
     for given in parse_given(text):
         if given.can_id is not None and "can" not in probe_of(family).WIRES:
-            raise UsageError(f"{family} has no CAN wire", hint="give the bytes alone")
+            raise UsageError(f"{family} has no CAN interface", hint="give the bytes alone")
         pieces += explainer.decode(given.data, side or given.side, given.can_id)
     columns = (Column("direction", "From"), Column("bytes", "Bytes"), Column("meaning", "Meaning"))
     table = Table(rows=[_piece_row(piece) for piece in pieces], columns=columns, view=_decoded_view)

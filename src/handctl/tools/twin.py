@@ -336,11 +336,11 @@ def _rate(stream: Stream) -> str:
 @click.option("--facts", type=InFile(), metavar="FILE", help="The facts of the twin (`handctl prove -o FILE`).")
 @click.option(
     "--transcript", "values", type=InFile(), metavar="FILE",
-    help="The recording whose values the twin shows, as the device was left (default: TRANSCRIPT itself, as it was found).",
+    help="The transcript whose final values the twin shows (default: the initial values of TRANSCRIPT itself).",
 )  # fmt: skip
 @click.option(
     "--against", "base", metavar="LINK",
-    help="The simulator, with options that both take, such as fake://hand?model=df (default: fake://FAMILY). Nothing but a simulator is accepted.",
+    help="The simulator, with options that both the simulator and the twin take, such as fake://hand?model=df (default: fake://FAMILY). Nothing but a simulator is accepted.",
 )  # fmt: skip
 @family_option
 def check(

@@ -605,7 +605,7 @@ class Conversation(Line):
         shown = "".join(chr(byte) if 32 <= byte < 127 else "." for byte in seen)
         if len(keys) > 1 and not more and not self._cut:
             return ProtocolError(
-                f"{name}: the hand sends feedback, but not as the manual has it{f' ({why})' if why else ''}: {shown} …",
+                f"{name}: the hand sends feedback, but not as the manual describes{f' ({why})' if why else ''}: {shown} …",
                 hint="report the bytes shown: it may have another firmware. handctl reads no values from such feedback",
                 code=OTHER_FORM,
                 came=seen,

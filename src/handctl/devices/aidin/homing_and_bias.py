@@ -222,7 +222,7 @@ def connect_or_command(hand: AidinHand) -> bool:
         hand.conversation.connect()
     except NoAnswer:
         hand.conversation.check_bound()
-        hand.journal.warn("unasked", "The hand sends nothing without a request. It may only reply to commands")
+        hand.journal.warn("unasked", "The hand sends nothing without a request. Perhaps it replies only to commands")
         return True
     return False
 
@@ -267,7 +267,7 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
     if against:
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(against)}: {_told(against)}",
-            hint=f"{LEFT}. It set these motors to 0 where they came to rest, so their targets may be off by that much. Free any blocked finger and home again",
+            hint=f"{LEFT}. It set these motors to 0 where they came to rest, so if that was not the open stop, their targets are off by the difference. Free any blocked finger and home again",
             code="not-homed",
         )
     elif unproven:
@@ -282,7 +282,7 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
         hand.journal.ledger.confirm("each motor came to rest at its open stop and is at 0", since=mark)
         hand.journal.info(
             "homed",
-            "homed: each motor came to rest at its open stop, either at the 0 of an earlier homing or after its whole stroke, and is at 0 now. The hand was left in homing mode, and nothing more is sent",
+            "homed: each motor came to rest at its open stop, which was either the 0 of an earlier homing or the end of its full stroke, and now reads 0. The hand was left in homing mode, and nothing more is sent",
         )
     return table
 
@@ -435,7 +435,7 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
     if _away(now):
         raise CheckFailed(
             f"{hand.link.name}: the initial position was not reached: {named(MOTOR_POS, _away(now), now)}",
-            hint=f"{GOES_ON}. A hand that has not been homed ignores the command. A blocked finger or a low maximum torque also stops it",
+            hint=f"{GOES_ON}. A hand that has not been homed ignores the command. A blocked finger or a low maximum torque may also be the cause",
             code="not-reached",
         )
     if seen.moved:
@@ -482,7 +482,7 @@ def bias(hand: AidinHand) -> Table:
     restless = moving(first, second)
     if restless:
         raise CheckFailed(
-            f"{hand.link.name}: {named(MOTOR_POS, restless, second)} is moving, so a load would be taken for the offset",
+            f"{hand.link.name}: {named(MOTOR_POS, restless, second)}: moving, so a load would be mistaken for the sensor offset",
             hint="wait until the hand has stopped and touches nothing. Nothing was sent.",
             code="moving",
         )

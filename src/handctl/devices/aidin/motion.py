@@ -354,13 +354,16 @@ def _check_start(hand: AidinHand, target: Target, here: list[Number], *, assume:
     if far and not assume:
         raise CheckFailed(
             f"{name}: a ramp cannot start at the current position, which is far out of range: {named(param, far, here)}",
-            hint=Hint("run {} first. --assume-homed starts at the limit without it. Nothing was sent.", "aidin home"),
+            hint=Hint(
+                "run {} first. --assume-homed skips homing and starts the ramp at the limit. Nothing was sent.",
+                "aidin home",
+            ),
             code="start-out-of-range",
         )
 
 
 def _tell_deadline(hand: AidinHand, seen: Watch) -> None:
-    """Raise NoAnswer when --deadline is over, with what was not reached by then as far as it is known."""
+    """Raise NoAnswer when --deadline has passed, with what was not reached by then as far as it is known."""
     try:
         hand.conversation.check_bound()
     except NoAnswer as exc:

@@ -437,9 +437,9 @@ def _rest(hand: AidinHand, prompts: Prompts) -> Rest:
             _check_open(hand, encoders)
         if restless := moving(first, encoders):
             raise CheckFailed(
-                f"{hand.link.name}: {named(MOTORS, restless, encoders)} moves, although nothing was commanded",
+                f"{hand.link.name}: {named(MOTORS, restless, encoders)}: moving, although nothing was commanded",
                 hint=Hint(
-                    "wait until the hand stands, and keep hands off the fingers. If nobody moves it, its encoder loses counts: run {}. Nothing was sent.",
+                    "wait until the hand is still, and do not touch the fingers. If a motor still moves, its encoder loses counts: run {}. Nothing was sent.",
                     "aidin watch motor_pos",
                 ),
                 code="moving",
@@ -546,7 +546,7 @@ class _Mover:
                 change, before = abs(at - before) / stroke(index), at
                 best = min(best, at) if back else max(best, at)
                 if min(abs(at - best), abs(best - begin)) > BEYOND * stroke(index):
-                    raise self._astray(named(MOTORS, [index], encoders), "moved against its direction")
+                    raise self._astray(named(MOTORS, [index], encoders), "moved opposite to the commanded direction")
                 trip.look(encoders)
                 late += number >= len(way)
                 near = off <= ENCODERS.near(index)
@@ -579,7 +579,9 @@ class _Mover:
         encoders, _, joints = self._told()
         for index, (at, (low, high)) in enumerate(zip(encoders, self._bounds, strict=True)):
             if not low <= at <= high:
-                raise self._astray(named(MOTORS, [index], encoders), "is further away than this check moves it")
+                raise self._astray(
+                    named(MOTORS, [index], encoders), "is further from its start than this check moves it"
+                )
         if any(abs(joint) > LARGEST_RADIAN for joint in (*joints, *self._joints)):
             return  # no angles in radians, so nothing is known of them
         for index, (one, other, most) in enumerate(zip(joints, self._joints, self._turns, strict=True)):
@@ -590,7 +592,7 @@ class _Mover:
     def _astray(self, what: str, how: str) -> CheckFailed:
         return CheckFailed(
             f"{self._hand.link.name}: {what} {how}",
-            hint="either its encoder lost counts, or another client or a person moves the fingers, or channels are swapped. Home the hand, then run the check again",
+            hint="either an encoder lost counts, or another client or a person moves the fingers, or channels are swapped. Home the hand, then run the check again",
             code="astray",
         )
 

@@ -79,7 +79,7 @@ def _came(hand: AidinHand, seconds: float = WATCHED) -> bytes:
         came += chunk
         end = end if streams else link.deadline(QUIET)
     if b"}" not in came:
-        raise Disturbed("the hand sent no whole object")
+        raise Disturbed("the hand sent no complete object")
     return came[came.index(b"{") :]
 
 
@@ -90,7 +90,7 @@ def _objects(hand: AidinHand) -> list[dict[str, object]]:
     damaged = list[ProtocolError]()
     found = list(frames_in(decoder, damaged.append))
     if damaged or not found:
-        raise damaged[0] if damaged else Disturbed("the hand sent no whole object")
+        raise damaged[0] if damaged else Disturbed("the hand sent no complete object")
     return found
 
 
@@ -99,7 +99,7 @@ def _exchange(hand: AidinHand) -> Observation:
     if talk.exchange is ExchangeMode.POLL:
         talk.drain()
         if talk.link.read(talk.link.deadline(LISTEN)):
-            raise Disturbed("the hand speaks unasked, too")
+            raise Disturbed("the hand also sends data without a request")
         return Observation("poll", "silent until it is asked, and answers an empty object")
     return Observation("stream", f"{plural(len(_objects(hand)), 'object')} came unasked in {WATCHED:g} s")
 

@@ -344,7 +344,7 @@ def _prompt(run: Run) -> Table:
         )
     if run.settings.format != "table" or run.settings.output or not sys.stdout.isatty():
         raise UsageError(
-            "the prompt needs a terminal as its output",
+            "the prompt must write to an interactive terminal",
             hint="for --json, -o or a redirected stdout, give the commands as arguments or as a script on stdin",
             code="no-terminal",
         )
@@ -356,8 +356,8 @@ def _prompt(run: Run) -> Table:
 
 MOVEMENTS = (
     ("init", "HI", "Initialize the motors (HI): the fingers open fully. Run it after power-on or reset.", ""),
-    ("open", "O", "Open to OT.", ""),
-    ("close", "C", "Close to CT. To grip an object, add --expect contact.", ""),
+    ("open", "O", "Open to the open target (parameter OT).", ""),
+    ("close", "C", "Close to the close target (parameter CT). To grip an object, add --expect contact.", ""),
     (
         "move",
         "M",

@@ -240,7 +240,7 @@ def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> 
         )
     if name in ("O", "C") and {"OT", "CT"} <= at.keys() and (at["OT"] >= at["CT"] or at["OT"] > TRAVEL[index == 3]):
         raise UsageError(
-            f"{motor}: OT {at['OT']} and CT {at['CT']} leave {name} nowhere to go, or reverse it",
+            f"{motor}: OT {at['OT']} and CT {at['CT']} keep {name} from moving the motor, or reverse the movement",
             hint=Hint(
                 "{}, or use --force to send it anyway (barrett §5.3.4). Nothing moved.",
                 f"barrett set OT.{motor}=0 CT.{motor}={BARRETT.by_mnemonic('CT').default_of(index)}",

@@ -35,7 +35,7 @@ def load(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, An
     except (ValueError, RecursionError) as exc:
         raise UsageError(f"{path}: the {what} cannot be read: {exc}", hint=hint) from exc
     if not isinstance(content, dict) or not all(valid(entry) for entry in content.values()):
-        raise UsageError(f"{path}: not a {what}", hint=hint)
+        raise UsageError(f"{path}: not the file of the {what}", hint=hint)
     return content
 
 
@@ -69,7 +69,7 @@ def remember(link: ByteLink) -> None:
     if link.baud != SPEEDS[0]:
         known[link.name] = link.baud
     with suppress(OutputError):  # the next connect looks again
-        store(files.state_path(NAME), "speeds", dict(list(known.items())[-MOST:]), sort=False)
+        store(files.state_path(NAME), "baud rates", dict(list(known.items())[-MOST:]), sort=False)
 
 
 def _counts(link: ByteLink) -> bool:
@@ -78,6 +78,6 @@ def _counts(link: ByteLink) -> bool:
 
 def _speeds() -> dict[str, Any]:
     try:
-        return load(files.state_path(NAME), "speeds", lambda _speed: True)
+        return load(files.state_path(NAME), "baud rates", lambda _speed: True)
     except UsageError:
         return {}

@@ -76,7 +76,7 @@ add_map_verbs(
 @cli.verb("log", "Files")
 @log_options
 @click.option("--raw", is_flag=True, help="Append the 27 raw words to each row.")
-@click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number in the sidecar.")
+@click.option("--include-pilot-id", is_flag=True, help="Keep the wearer's number (pilot id) in the sidecar.")
 def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -> Table:
     """Record GetData to FILE (CSV) with a sidecar FILE.json. Ctrl-C ends it.
 

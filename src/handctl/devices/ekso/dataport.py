@@ -98,7 +98,7 @@ SHOWN = 40
 """Bytes of what came that a message shows."""
 HINTS = {
     "silence": "check that the device is on, that the USB cable is connected, and that no other program uses the port. If it is on, it may need another --length-mode (auto tries them with GetTime)",
-    "echo": "check the cable for a loop, or whether this is another kind of device. If the device replies elsewhere, it acknowledges without data: report it",
+    "echo": "check the cable for a loop, or whether this is another kind of device. If the device replies to other requests, it acknowledged this one without data: report this",
     "acknowledged": "read the value back: an acknowledgement without a status does not mean success",
     "bad-checksum": "check the cable and the hub, and that no other program reads the port: bytes were corrupted on the line",
     "bad-length": "report the bytes shown: this may be another protocol version, or they may be corrupted",
@@ -424,5 +424,5 @@ class DataPort(Line):
                 f"the reply to {name_of(attempt.request[0])} has {self._differs[0]}, with a good CRC",
             )
         shown = hex_bytes(came[:SHOWN]) + (f" … ({len(came)} bytes)" if len(came) > SHOWN else "")
-        text = f"{self.where}: {text}. sent {sent}, received {shown}"
+        text = f"{self.where}: {text}. Sent {sent}, received {shown}"
         return ProtocolError(text, hint=HINTS[code], code=code, came=came)

@@ -194,7 +194,7 @@ class CanBus(RegisterBus):
 
 
 NO_ACK_HINT = Hint(
-    "check power, termination (120 ohm), CAN high and low, and the bitrate: {} listens for it. The manual has 1000000 bit/s, "
+    "check power, termination (120 ohm), CAN high and low, and the bitrate: {} listens for it. The manual says 1000000 bit/s, "
     "but some hands of this maker use 500000 (add ?bitrate=500000 to the LINK)",
     "doctor",
 )
@@ -226,7 +226,7 @@ def bus_failure(where: str, what: str, trouble: Trouble) -> HandctlError:
 
 
 HINTS = {
-    "wrong-id": "use the --id it shows, or find the device with {}",
+    "wrong-id": "use --id with the id shown, or find the device with {}",
     "cut-short": "check the bus: this is another kind of device, or there is a second master",
     "echo": "check the adapter: it may be in loopback mode, or return the frames that it sends. No device replies",
     "damaged": "check the adapter's cable and hub, and that no other program reads its port",

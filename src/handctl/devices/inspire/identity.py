@@ -238,7 +238,7 @@ class IdentityCheck:
         return (
             ProtocolError(
                 f"{self._bus.where}: a device replies ({'; '.join(came)}), but not to the reads that show which one it is",
-                hint="check the type plate, then add --model to read a hand. --assume-identity skips this check",
+                hint="check the label on the device, then add --model to read a hand. --assume-identity skips this check",
                 code=NOT_SHOWN,
             )
             if came
@@ -300,7 +300,7 @@ class IdentityCheck:
                 self._confirm(bus)
         except (NoAnswer, ProtocolError, DeviceRefused) as exc:
             if exc.code == "late" or exc.code in AT_WORK or self._bus.over:
-                raise  # --deadline is over: nothing that was not answered shows anything
+                raise  # --deadline has passed: nothing that was not answered shows anything
             if first:
                 self._failure = exc
             elif exc.code in DAMAGED:
@@ -336,7 +336,7 @@ class IdentityCheck:
         came = "; ".join(f"{span[0]}: {hex_bytes(data)}" for (_, span), data in self._memory.items() if data)
         return ProtocolError(
             f"{self._bus.where}: the device replies, but not like a known Inspire device ({came})",
-            hint="check the type plate. --assume-identity skips this check",
+            hint="check the label on the device. --assume-identity skips this check",
             code="unknown-device",
         )
 

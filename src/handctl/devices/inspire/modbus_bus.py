@@ -356,7 +356,7 @@ class ModbusBus(ByteBus):
             self._owed.answered(number, self.pdu_of(request))
             self.journal.warn(
                 "transaction-id",
-                f"{self.where}: the reply names transaction {answer.transaction}, the question was {number}",
+                f"{self.where}: the reply has transaction id {answer.transaction}, but the request had {number}",
                 hint="handctl accepted the reply, because only one request was pending. Some hands count wrongly",
             )
 
@@ -368,7 +368,7 @@ class ModbusBus(ByteBus):
             text = f"{self.where}: the gateway cannot reach this unit: {name}, sent {sent}"
             return LinkError(text, hint=hint, code="gateway")
         if code == modbus_frames.NO_TARGET:
-            hint = "check power (24 V), the id and A and B of RS-485 behind the gateway"
+            hint = "behind the gateway, check the power (24 V), the id, and the RS-485 wires A and B"
             return NoAnswer(f"{self.where}: the gateway got no reply to {sent}: {name}", hint=hint, code="gateway")
         hint = Hint("check the address against {}", "hand describe")
         if not self.only_reads(request):
@@ -449,6 +449,6 @@ HINTS = {
     "echo": "check the wiring: an echo or a short returns our own bytes, and no device replies",
     "stale": "check for another program or a second master on this line",
     "cut-short": "check the cable, the ground and the baud rate, and that only one hand has this id",
-    "wrong-id": "use the --id it shows",
+    "wrong-id": "use --id with the id shown",
 }
 OTHER_SERVICE_HINT = f"check the address and the port: another service may reply there. The hand's port is {TCP_PORT}"

@@ -57,7 +57,7 @@ def reply(bus: RegisterBus, span: Span, known: RegisterBus | None = None) -> tup
     there = known or bus
     for asked in CONFIRMED:
         if asked and once(bus, span)[0] != SILENT:
-            raise Disturbed(f"{bus.where}: sometimes silent to {span[1]} bytes at {span[0]}")
+            raise Disturbed(f"{bus.where}: sometimes no reply to a read of {span[1]} bytes at {span[0]}")
         if not asked:
             there.read(*there.first_questions[-1], retries=0)
     return SILENT, b""

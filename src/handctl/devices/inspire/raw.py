@@ -242,7 +242,7 @@ def check_command(which: str, values: Sequence[int]) -> None:
         if which == "position" and value == ALONE:
             raise UsageError(
                 f"position {element.part} = -1 is out of range",
-                hint="use 0 to 1000 (exo §2.2.2). Only the registers have -1. Nothing was sent.",
+                hint="use 0 to 1000 (exo §2.2.2). Only the registers accept -1. Nothing was sent.",
                 code="out-of-range",
             )
 

@@ -154,7 +154,7 @@ class Sweep:
             known = strange[0]["family"] is not None
             task.failure = DeviceRefused(
                 f"{self.link.name}: no {self.names}, but {strange[0]['evidence']}",
-                hint=SIX_HINT if known else "check the type plate: what it replies does not show which device it is",
+                hint=SIX_HINT if known else "check the label: the device's replies do not show which device it is",
                 code="other-device" if known else NOT_SHOWN,
             )
         elif task.rows and not task.find_all:

@@ -38,7 +38,7 @@ SILENCE_HINTS = {
 """Of families that are not as the EH55BF1 is (rh56 §1, §2.5). {} is the family's scan, here and below."""
 HINTS = {
     "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device replies",
-    "wrong-id": "use the --id it shows, or find the hand with {}: a different id replies",
+    "wrong-id": "use --id with the id shown, or find the hand with {}: a different id replies",
     "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were corrupted on the line",
     "cut-short": "check the cable and the adapter, and that no other program reads the port: the reply was cut off",
     "stale": "check for another program or a second master on this line: the frame is valid, but is a reply to a different request",

@@ -25,7 +25,7 @@ ABORT = b"\x03"
 PROMPT = b"=>"
 BANNER = b"BARRETTHAND FIRMWARE"
 """What a hand says when its firmware starts, in upper case; nothing else of its banner is known (dossier 1.2)."""
-DISTURBED = "check the cable and run it again: data was corrupted on the line"
+DISTURBED = "check the cable and run the command again: data was corrupted on the line"
 """The next step after bytes that cannot be an answer."""
 MAX_LINE = 70
 MAX_ARGUMENTS = 18

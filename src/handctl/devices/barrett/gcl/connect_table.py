@@ -115,7 +115,7 @@ class Row(NamedTuple):
 BUSY = "the hand was still running an earlier command, which has ended"
 IN_LOOP = "the hand was in RealTime and left it when handctl connected. The motors may still be running"
 IN_BLOCK = "the hand was in RealTime, in a control block that was cut off. handctl sent 0 for the rest of it, and the hand left RealTime. The motors may still be running"
-RESTARTED_TEXT = "the hand restarted because of its power or its cable, and needs HI"
+RESTARTED_TEXT = "the hand restarted because of a power or cable problem, and must be initialized (HI)"
 SILENCE = "check the hand's power supply, then the serial cable (straight-through, 9 pins), then the port. A hand that was off for more than a day or two may have lost its firmware and does not reply: load it again"
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
 

@@ -306,7 +306,7 @@ class GclLine(Line):
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
             f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}",
-            hint="check the cable and run it again: data was corrupted on the line, or the baud rate is wrong",
+            hint="check the cable and run the command again: data was corrupted on the line, or the baud rate is wrong",
             code=code,
         )
 

@@ -204,7 +204,7 @@ class Tips:
             if not self._tells:
                 self.hand.journal.info(
                     "breakaway-unknown",
-                    "this firmware does not report whether a clutch has broken away, so handctl assumes that none has",
+                    "this firmware does not report whether a clutch has let go, so handctl assumes that none has",
                     hint="open any finger that has met an object: until then the position of its tip is unknown (barrett §9.5)",
                 )
         broken = {

@@ -418,7 +418,7 @@ def verdict_of(light: FirstLight) -> HandctlError | None:
     if light.failure is not None or not light.findings:
         return light.failure
     return CheckFailed(
-        f"{light.hand.link.name}: {', '.join(light.findings)} did not come out as the manual has it",
+        f"{light.hand.link.name}: {', '.join(light.findings)} did not match the manual",
         hint=Hint("read the evidence in each row. {} lists checks and remedies", "barrett diagnose"),
         code="findings",
     )

@@ -218,7 +218,7 @@ def table_of(hand: BarrettHand, care: MaintenanceLog, *, check: bool) -> Table:
     if check and bad:
         names = ", ".join(".".join(filter(None, (row["name"], row["motor"]))) for row in bad)
         table.failure = CheckFailed(
-            f"{hand.link.name}: {len(bad)} need{'s' if len(bad) == 1 else ''} maintenance: {names}",
+            f"{hand.link.name}: maintenance is due ({len(bad)}): {names}",
             hint="`handctl barrett maintenance --steps PROCEDURE` lists the work",
             code="care-due",
         )

@@ -22,7 +22,9 @@ from handctl.model.result import Row
 WRONG_WAY = 25
 """Counts to the other side of its start by which a motor has gone the wrong way: half of MPE as shipped."""
 CHECK_CABLE = Hint("check the cable with {}, then run it again", "doctor")
-READ_AGAIN = Hint("check the cable with {}, then run it again. Nothing moves until it can be read", "doctor")
+READ_AGAIN = Hint(
+    "check the cable with {}, then run the command again. Nothing moves until this value can be read", "doctor"
+)
 At = dict[tuple[str, "str | None"], int]
 
 
@@ -56,7 +58,7 @@ def look_for_harm(hand: BarrettHand) -> At:
         now, limit = heat(hand)
         at = hand.by_name("S", "P", *health_limits.HARMFUL, dispensable=health_limits.HARMFUL)
     except DeviceRefused as exc:
-        text = f"{exc.text}. Without it, harm cannot be detected"
+        text = f"{exc.text}. Without this reading, handctl cannot detect damage"
         raise SignOfHarm(text, hint=READ_AGAIN, code="hot" if shows_heat(exc) else "unread") from exc
     if now > limit:
         text = f"{hand.link.name}: {now / 10:.1f} °C, and the limit is {limit / 10:.1f} °C (barrett §2)"
@@ -88,7 +90,7 @@ def _between_looks(
     after = _unharmed(hand)
     text = f"{hand.link.name}: {motion.command_text(prefix, name, argument)}"
     if damage(hand.journal.counters) != calm:
-        told = f"{text}: the line was disturbed meanwhile, so it is not shown how the movement ended"
+        told = f"{text}: the line was disturbed during the movement, so how it ended is unknown"
         raise SignOfHarm(told, hint=CHECK_CABLE, code="disturbed")
     for row in table.rows:
         _judge_way(text, name, row, before, after)
@@ -100,7 +102,7 @@ def _between_looks(
 def _unharmed(hand: BarrettHand) -> At:
     at = look_for_harm(hand)
     if harmful := objections(at):
-        text = f"{hand.link.name}: nothing may move: {'; '.join(harmful[:3])}"
+        text = f"{hand.link.name}: handctl moves nothing with these settings: {'; '.join(harmful[:3])}"
         raise SignOfHarm(text, hint=Hint("{} lists checks and remedies", "barrett diagnose"), code="settings")
     return at
 
@@ -113,7 +115,7 @@ def _judge_way(text: str, name: str, row: Row, before: At, after: At) -> None:
         return
     hint = Hint("switch the power supply off, then see {}", "barrett diagnose")
     if implausible(MOTORS.index(motor), end):
-        raise SignOfHarm(f"{text}: {motor} cannot be at {end}", hint=hint, code="unread")
+        raise SignOfHarm(f"{text}: {motor} reads {end}, where it cannot be", hint=hint, code="unread")
     if before["S", motor] & health_limits.NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
         return
     way = motion.CLOSING.get(name) or (0 if goal is None else goal - start)

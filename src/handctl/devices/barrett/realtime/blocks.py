@@ -202,7 +202,7 @@ class Decoder:
         if self._buffer[0] != ACKNOWLEDGE:
             raise ProtocolError(
                 f"RealTime: expected 2A (*) or an error, received {self._shown()}",
-                hint="check the cable and run it again: bytes were lost or changed, so the loop had to end",
+                hint="check the cable and run the command again: bytes were lost or changed, so the loop had to end",
                 code="bad-block",
             )
         size = self._layout.feedback_size if self._expected[0] else 1

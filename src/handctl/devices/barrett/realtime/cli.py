@@ -52,7 +52,11 @@ def add_realtime(group: Group) -> None:
         is_flag=True,
         help="Also show the joint angles in degrees, calculated from the positions. See ANGLES.",
     )
-    @click.option("--velocity", metavar="V", help="Constant control velocity, -127 to 127: 20, or 20,5, or F1=20,F2=5.")
+    @click.option(
+        "--velocity",
+        metavar="V",
+        help="Constant control velocity, -127 to 127. Examples: 20 (all motors), 20,5 (in order), F1=20,F2=5.",
+    )
     @click.option("--gain", metavar="K", help="Constant proportional gain, 0 to 255, in the same form.")
     @click.option(
         "--control",
@@ -158,8 +162,8 @@ def add_realtime(group: Group) -> None:
 
         ANGLES: with --angles, each block also has joint_inner and joint_outer of each finger and joint_spread of the spread,
         in degrees. A clutch that lets go locks the inner link, and the loop does not show it. joint_outer is therefore
-        empty unless the firmware (4.34 and later) reported before the loop that the clutch holds, and once the finger has
-        been driven to close. `state` in a row says which it is, and joint_inner is correct as long as the clutch holds.
+        given only if the firmware (4.34 or 4.4) reported before the loop that the clutch holds, and only until the finger is
+        driven to close. `state` in a row says which of these cases applies, and joint_inner is correct as long as the clutch holds.
 
         `doubt` in a row says why its value may be wrong: a delta did not fit into its byte, or the bytes after a block did
         not confirm its position in the stream.

@@ -282,5 +282,8 @@ def _laws_in(text: str, motors: Sequence[int], *, columns: bool) -> list[Law]:
     key, _, rest = text.partition("=")
     name, which = targets(key.strip(), motors, f"{where}, column 1")
     if name == "t":
-        raise UsageError(f"{where}, column 1: expected velocity.MOTOR or gain.MOTOR", hint="t is the time")
+        raise UsageError(
+            f"{where}, column 1: expected velocity.MOTOR or gain.MOTOR",
+            hint="begin with velocity.MOTOR or gain.MOTOR, as in velocity.F1 = 10; t is the time",
+        )
     return [Law(one, name, Expression(rest, where, motors, one, offset=len(key) + 1, columns=columns)) for one in which]

@@ -74,7 +74,11 @@ def clutches(hand: BarrettHand, motors: Sequence[int]) -> Angles:
     told = ", ".join(f"{MOTORS[index]} at {place}" for index, place in broken.items())
     hand.journal.info(
         "breakaway",
-        (f"clutch let go: {told}, so its joint_outer is empty until the finger has been opened. " if broken else "")
+        (
+            f"clutch let go: {told}. The joint_outer of such a finger is empty until the finger has been opened. "
+            if broken
+            else ""
+        )
         + "joint_outer is also empty once a finger has been driven to close: the loop does not show whether its clutch has let go (barrett §9.5)",
     )
     return Angles(broken, [index for index in fingers if index not in broken])

@@ -297,7 +297,9 @@ class RealtimeLoop:
             stands = self.session.stand()
         if not stands:
             raise ProtocolError(
-                f"{self.hand.link.name}: velocity 0 was not acknowledged at the end", hint=DISTURBED, code="bad-block"
+                f"{self.hand.link.name}: velocity 0 was not acknowledged at the end",
+                hint=f"switch the hand's power off if anything moves, then {DISTURBED}",
+                code="bad-block",
             )
 
     def _met(self) -> bool:
@@ -396,7 +398,7 @@ class RealtimeLoop:
             return ProtocolError(
                 f"{name}: a feedback block of {self.session.layout.feedback_size} bytes stopped after "
                 f"{decoder.received.hex(' ').upper()}",
-                hint="check the cable and run it again: bytes were lost on the line, or the flags changed",
+                hint="check the cable and run the command again: bytes were lost on the line, or the flags changed",
                 code="cut-short",
             )
         return NoAnswer(

@@ -205,7 +205,7 @@ def refuse_disabled(hand: BarrettHand) -> None:
     if off:
         others = "".join(str(number) for number, on in enumerate(enabled, 1) if on)
         raise UsageError(
-            f"{', '.join(off)} disabled (EN 0), and handctl does not guess whether it may move",
+            f"disabled (EN 0): {', '.join(off)}. handctl does not guess whether a disabled motor may move",
             hint=f"use --motors 1234 for all{f', or --motors {others} for the enabled ones' if others else ''}. Nothing moved.",
             code="disabled",
         )

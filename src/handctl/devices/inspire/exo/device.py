@@ -233,7 +233,7 @@ class ExoHand(RegisterDevice):
         if odd:
             raise CheckFailed(
                 f"{self.bus.where}: this does not look like an EH55BF1: {', '.join(odd)}",
-                hint="check the type plate: on another hand this address may erase settings. "
+                hint="check the label on the device: on another hand this address may erase settings. "
                 "Add --skip-identity-check to skip this check. Nothing was written.",
                 code="not-an-exo",
             )
@@ -265,7 +265,9 @@ def parse_command(which: str, texts: Sequence[str]) -> dict[int, int]:
         return found  # -1 is a force
     wanted = {index: value for index, value in found.items() if value != ALONE}
     if not wanted:
-        raise UsageError("-1 leaves every finger as it is", hint="give at least one position. Nothing was sent.")
+        raise UsageError(
+            "all values are -1, so every finger stays as it is", hint="give at least one position. Nothing was sent."
+        )
     return wanted
 
 

@@ -288,7 +288,9 @@ def _without_left(changes: Sequence[tuple[Element, Number]]) -> list[tuple[Eleme
     """Without the fingers that are left as they are: nothing is written for them (rh56 §9)."""
     wanted = [(element, value) for element, value in changes if element.param.kind != COMMAND or value != ALONE]
     if not wanted:
-        raise UsageError("-1 leaves every finger as it is", hint="give at least one value. Nothing was sent.")
+        raise UsageError(
+            "all values are -1, so every finger stays as it is", hint="give at least one value. Nothing was sent."
+        )
     return wanted
 
 
@@ -515,7 +517,7 @@ def _check_names(names: dict[str, str], force: bool) -> None:
     taken = [name for name in names.values() if name in read_config().devices]
     if taken and not force:
         raise UsageError(
-            f"{' and '.join(map(repr, taken))} already named in {config_path()}",
+            f"already named in {config_path()}: {' and '.join(map(repr, taken))}",
             hint="add --force to replace them, or choose other names with --left and --right",
             code="name-taken",
         )
@@ -530,8 +532,8 @@ def _steps(run: Run, other: str | None, octets: list[int] | None, *, moving: boo
     if moving:
         run.journal.info(
             "open-plan",
-            "the plan leaves out the angles of the movement and the speed afterwards, because they are read from the hand first",
-            hint="the command's question shows every frame before it is sent",
+            "the plan does not show the angles of the movement or the speed set after it, because handctl reads them from the hand first",
+            hint="the confirmation prompt shows every frame before it is sent",
         )
         steps += planner.plan([(planner.map.find(f"speed_set.{NUDGED}")[1][0], NUDGE_SPEED)])
     if octets is not None:

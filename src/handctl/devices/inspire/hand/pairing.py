@@ -121,7 +121,7 @@ def _seen(bench: Bench, hands: Sequence[Hand]) -> tuple[str, str]:
         side = bench.prompts.choose(f"{hand.bus.where}: which hand moved", (LEFT, RIGHT))
         if not side:
             raise NotConfirmed(
-                f"{hand.bus.where}: the reply names neither the left nor the right hand",
+                f"{hand.bus.where}: your answer names neither the left nor the right hand",
                 hint="run the command again and watch both hands. The finger is back in its old position",
                 code="not-seen",
             )

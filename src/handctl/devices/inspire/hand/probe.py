@@ -292,7 +292,11 @@ def probe(
     """Rows with family, link, baud, id and evidence. Raises NoAnswer on silence, ProtocolError for other data."""
     if link.name.startswith("tcp://") and not link.name.endswith(f":{TCP_PORT}"):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
-        raise NoAnswer(f"{link.name}: not tried: a hand uses Modbus TCP port {TCP_PORT}", hint=LABEL, code="not-asked")
+        raise NoAnswer(
+            f"{link.name}: not tried, because a hand uses Modbus TCP on port {TCP_PORT}, and this is another port",
+            hint=LABEL,
+            code="not-asked",
+        )
     return OWN.probe(link, journal, deadline, ids, timeout)
 
 

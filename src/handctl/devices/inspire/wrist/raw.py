@@ -232,7 +232,7 @@ def plan_hand_writes(wrist: RegisterDevice, address: int, data: bytes, force: bo
     alone = {register.address for register in EXO if register.trigger} | {EXO["id"].address}
     if len(pieces) > 1 and (found := sorted(alone & set(range(address, address + len(data))))):
         raise UsageError(
-            f"{found[0]} of the hand is its id or starts something. On CAN it is not written within {plural(len(data), 'byte')}",
+            f"address {found[0]} of the hand is its id or starts an action. On CAN, handctl does not write it as part of {plural(len(data), 'byte')}",
             hint="write it with a command of its own. Nothing was sent.",
         )
     return [plan_hand_write(wrist, place, part, force) for place, part in pieces]
@@ -283,7 +283,7 @@ def _hand_write(wrist: RegisterDevice, bus: SerialBus | CanBus, address: int, da
         raise lost
     if starts:
         bus.journal.info(
-            "not-read-back", f"accepted, but not read back: it starts {', '.join(starts)} on the RH56 hand"
+            "not-read-back", f"accepted, but not read back: on the RH56 hand, this write starts {', '.join(starts)}"
         )
         return _hand_row(wrist, address, data, "written")
     now = bus.read_back(lambda: _read_with_either_id(bus, address, len(data), new), data.__eq__)
