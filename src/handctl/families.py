@@ -154,7 +154,7 @@ FAMILIES: dict[str, FamilyRow] = {
         options=(
             OwnOption(
                 "exchange",
-                "When the hand sends feedback: unprompted (stream), on request (poll), or only after a command (command). auto (default) detects it.",
+                "When the hand sends feedback: without a request (stream), on request (poll), or only after a command (command). auto (default) detects it.",
                 choices=("auto", "stream", "poll", "command"),
                 named=True,
             ),

@@ -30,7 +30,7 @@ def open_replay(link: str, baud: int | None = None) -> Link:
     if not len(recording) and not recording.speaks:
         recording.close()
         raise UsageError(
-            f"{link}: the transcript contains neither a request (a line with >) nor unsolicited data",
+            f"{link}: the transcript contains neither a request (a line with >) nor data that came without one",
             hint="record one with --trace FILE",
         )
     return ReplayFrames(link, recording) if recording.can else ReplayLink(link, recording, baud)
