@@ -1,7 +1,7 @@
 """What a BarrettHand's status codes and readings mean, and what to do. The codes are those of `gcl.codec.ERRORS`."""
 
 from handctl.devices.barrett.gcl.codec import ERRORS, MOTORS, OVER_TEMPERATURE
-from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS
+from handctl.devices.barrett.maintenance.health import LIMIT_TENTHS, NO_SENSOR
 from handctl.devices.barrett.views import STROKE
 from handctl.errors import Hint
 from handctl.model.device_picture import Bar, Measure, Outline, Remedy
@@ -15,6 +15,7 @@ _COOL = Hint("let the hand cool, and free the spread with {}", "barrett stop --m
 REMEDIES = {
     "hot": Remedy("the board is hotter than 65 °C, which it must never be", _COOL, "barrett §2"),
     "over-limit": Remedy("the board is hotter than OTEMP: motor commands fail", _COOL, "barrett §5.4.1"),
+    "no-temperature": Remedy("the temperature sensor of the board cannot be read", NO_SENSOR, "barrett §5.4.2"),
     **{
         f"{ERRORS[code][0]} ({code})": Remedy(f"status code {code} of the motor", ERRORS[code][1], "barrett §5.1.3, T3")
         for code in (*_URGENT, *(code for code in ERRORS if code not in _URGENT))
