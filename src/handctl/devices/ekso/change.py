@@ -42,6 +42,11 @@ class Change(NamedTuple):
         before, after = (self.param.shown(self.param.from_raw(raw)) for raw in (self.old, self.new))
         return f"{self.param.name} {before} -> {after}"
 
+    def shown_by(self, answer: Frame | None, after: Sequence[int]) -> bool:
+        """Whether the read-back shows that it was taken; of a value that it had already only the status can."""
+        accepted = answer is not None and answer.status & 0xFF == 0
+        return after[self.param.word] == self.new and (self.old != self.new or accepted)
+
     @property
     def body(self) -> bytes:
         """What its SetValue holds."""
@@ -180,7 +185,7 @@ def judge(
     wanted = (*before[:word], change.new, *before[word + 1 :])
     status = answer.status if answer is not None else None
     accepted = status is not None and status & 0xFF == 0
-    if status is not None and not accepted and after == wanted:
+    if status is not None and not accepted and after == wanted != before:
         return write_checks.refusal(
             write_checks.READ_BACK,
             f"{where}: {change.text}: {status_text(status)}, but the new value reads back",
@@ -203,6 +208,11 @@ def judge(
     if after == before and status is None:
         if lost is None:
             return Interrupted(f"interrupted. {change.text} was not applied")
+        if after == wanted:  # the value that it had: reading it back shows nothing
+            return lost.reworded(
+                f"{change.text}: its reply was lost, and all settings read as before. {lost.text}",
+                hint="check the line, then run it again",
+            )
         return lost.reworded(
             f"{change.text}: not applied, the old value was read twice. {lost.text}",
             hint="nothing was changed. Repeat the command if you still want it",
