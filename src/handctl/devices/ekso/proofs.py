@@ -7,8 +7,8 @@ with the value that it has, through every check of `set` and while the wearer si
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
-from handctl.command.run import Run
 from handctl.devices.ekso.change import STATE
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso
@@ -17,6 +17,9 @@ from handctl.devices.ekso.map import DATA, SETTINGS, SITTING
 from handctl.errors import DeviceRefused, ProtocolError
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import NONE, WRITE_BACK, Disturbed, Observation, Proof, damage
+
+if TYPE_CHECKING:
+    from handctl.command.run import Run
 
 GRIDS = (20, 10)
 """Periods in ms on which answers may leave, the longest first."""
