@@ -181,7 +181,7 @@ def _write_back(device: Ekso, _prompts: Prompts) -> Observation:
         raise Disturbed("the line was disturbed while a setting was written")
     told = param.shown(param.from_raw(shown[param.word]))
     return Observation(
-        value, f"SetValue {param.name} = {told}, which it had: {value}, and all {len(shown)} settings read as before"
+        value, f"SetValue {param.name} = {told}, which it had: {value}, and every setting reads as before"
     )
 
 
