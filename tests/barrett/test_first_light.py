@@ -249,6 +249,21 @@ def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monke
     assert sent_lines(trace)[-1] == "T", "the motors' power is off"
 
 
+def test_harm_that_is_seen_between_two_steps_stops_the_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the look before a later step: movement was agreed to by then, so the power of the motors goes off."""
+    trace, objection = tmp_path / "t.txt", first_light.FirstLight._objection
+
+    def hot(light: first_light.FirstLight, step: first_light.LightStep) -> Any:
+        if step.proof.name == "origin":
+            raise SignOfHarm("66.0 °C", code="hot")
+        return objection(light, step)
+
+    monkeypatch.setattr(first_light.FirstLight, "_objection", hot)
+    result = light(COLD, "-y", "--trace", trace)
+    assert (result.code, result.error["code"]) == (7, "hot")
+    assert moved(trace)[-1] == "4HI" and sent_lines(trace)[-1] == "T"
+
+
 @each_row(
     "name,value,after,code,last",
     [
