@@ -11,8 +11,9 @@ import pytest
 
 from handctl.devices.barrett.gcl.codec import Answer
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.maintenance import first_light, signs_of_harm
+from handctl.devices.barrett.maintenance import first_light, health_limits, signs_of_harm
 from handctl.devices.barrett.maintenance.cli import LIGHT_STEPS
+from handctl.devices.barrett.parameter_map import unmeasured
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -30,6 +31,7 @@ from tests.support.each_row import each_row
 from tests.support.person import once, person, pressed_at
 
 COLD = "fake://barrett?clock=virtual"
+READS = ("FGET", "PGET", "VERS")
 MOVES = ("HI", "HOME", "TO", "IC", "C", "O")
 
 
@@ -75,6 +77,11 @@ def why(result: Result) -> dict[str, Any]:
 
 def moved(trace: Path) -> list[str]:
     return [line for line in sent_lines(trace) if line.split(" ")[0].lstrip("1234") in MOVES]
+
+
+def only_read(trace: Path) -> bool:
+    """Whether nothing but the connect and reads went out."""
+    return all(not line.strip("!~\0") or line.split()[0].lstrip("1234") in READS for line in sent_lines(trace))
 
 
 def test_the_names_of_the_steps_are_those_of_the_help() -> None:
@@ -207,6 +214,26 @@ def test_heat_ends_the_run_before_anything_moves(tmp_path: Path) -> None:
     assert moved(trace) == [] and why(result)["grease"] == "ended"
 
 
+@each_row("query,code", [("fault=hot", "hot"), ("temperature=-550", "unread"), ("temperature=1250", "unread")])
+def test_harm_at_the_first_look_is_said_and_nothing_is_sent(query: str, code: str, tmp_path: Path) -> None:
+    """Whatever is answered: nobody has agreed to a movement yet, so the hand is not stopped either."""
+    trace = tmp_path / f"{code}.txt"
+    for words in (("-y",), ("-y", "--skip", "temperature")):
+        result = light(f"{COLD}&{query}", *words, "--trace", trace)
+        assert (result.code, result.error["code"]) == (7, code)
+        assert only_read(trace) and result.json.get("writes", []) == []
+        assert why(result)["grease"] == "ended"
+    answers = ["", "", "", "", "", "", ""]
+    shown = person("barrett", "first-light", "-p", f"{COLD}&{query}", "--trace", trace, answers=answers)
+    assert shown.code == 7 and only_read(trace)
+
+
+@each_row("tenths,fits", [(-550, False), (-1, False), (0, False), (1, True), (412, True), (1249, True), (1250, False)])
+def test_what_can_be_the_temperature_of_a_board(tenths: int, fits: bool) -> None:
+    assert unmeasured(tenths) is not fits
+    assert (health_limits.temperature(tenths).status == "fail") is (tenths > 650 or not fits)
+
+
 def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     trace, read = tmp_path / "t.txt", signs_of_harm.heat
     count = [0]
@@ -222,6 +249,21 @@ def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monke
     assert sent_lines(trace)[-1] == "T", "the motors' power is off"
 
 
+def test_harm_that_is_seen_between_two_steps_stops_the_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """At the look before a later step: movement was agreed to by then, so the power of the motors goes off."""
+    trace, objection = tmp_path / "t.txt", first_light.FirstLight._objection
+
+    def hot(light: first_light.FirstLight, step: first_light.LightStep) -> Any:
+        if step.proof.name == "origin":
+            raise SignOfHarm("66.0 °C", code="hot")
+        return objection(light, step)
+
+    monkeypatch.setattr(first_light.FirstLight, "_objection", hot)
+    result = light(COLD, "-y", "--trace", trace)
+    assert (result.code, result.error["code"]) == (7, "hot")
+    assert moved(trace)[-1] == "4HI" and sent_lines(trace)[-1] == "T"
+
+
 @each_row(
     "name,value,after,code,last",
     [
@@ -229,6 +271,9 @@ def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monke
         ("S", "0 0 0 8196", "1HI", "hot", "1HI"),
         ("S", "8196 4 4 4", "", "hot", ""),
         ("TEMP", "", "1HI", "unread", "1HI"),
+        ("TEMP", "-550", "1HI", "unread", "1HI"),
+        ("TEMP", "1250", "2HI", "unread", "2HI"),
+        ("TEMP", "-550", "", "unread", ""),
         ("P", "", "1HOME", "unread", "1HOME"),
         ("P", "-3000 0 0 0", "1IC 200", "unread", "1IC 200"),
     ],
@@ -240,7 +285,8 @@ def test_a_sign_of_harm_ends_the_run(name: str, value: str, after: str, code: st
         answering(patch, lambda at, command, answer: saying(command, answer, name, value) if at == after else answer)
         result = light(COLD, "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, code), result.err
-    assert moved(trace)[-1:] == ([last] if last else []) and sent_lines(trace)[-1] == "T"
+    assert moved(trace)[-1:] == ([last] if last else [])
+    assert sent_lines(trace)[-1] == "T" if last else only_read(trace), "a hand is stopped once a movement was agreed to"
     assert why(result)["grease"] == "ended"
 
 

@@ -156,6 +156,20 @@ def test_a_hot_board_ends_the_loop_and_keeps_it_from_beginning() -> None:
     assert "1LOOP" not in hot.link.commands
 
 
+def test_a_board_that_does_not_say_its_temperature_is_not_driven() -> None:
+    """The end of the scale is a sensor that is not connected: without it, heat cannot be detected."""
+    lost = driven(10, query=f"{WIRE}&temperature=-550").go(3)
+    assert isinstance(lost.error, CheckFailed) and lost.error.code == "guard-heat"
+    assert "1LOOP" not in lost.link.commands
+    loop = driven(10)
+    stream = loop.loop.run(rate=0.0, count=None, duration=5.0)
+    next(stream)
+    loop.control("temperature -550")
+    with pytest.raises(CheckFailed) as caught:
+        list(stream)
+    assert caught.value.code == "guard-heat" and loop.stands()
+
+
 def test_a_position_that_cannot_be_ends_the_loop() -> None:
     loop = driven(10)
     stream = loop.loop.run(rate=0.0, count=None, duration=5.0)

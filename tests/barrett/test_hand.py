@@ -237,7 +237,7 @@ def test_refusal_names_the_sum() -> None:
     ("query", "words"),
     [
         ("fault=no-board", "F2: No motor board found (1)"), ("fault=no-motor", "F3: No motor found (2)"),
-        ("fault=hot", "70.2"), ("fault=unknown-codes", "(not used) (8)"),
+        ("fault=hot", "70.2"), ("temperature=-550", "-55.0"), ("fault=unknown-codes", "(not used) (8)"),
     ],
 )  # fmt: skip
 def test_status_check(query: str, words: str) -> None:

@@ -22,6 +22,8 @@ from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of, passed
 
 MANY = "a case for each command: a new one is called without being added to a list"
+OPENS_NONE = {(family, name): command.offline for family in FAMILIES for name, command in commands(family)}
+"""Whether a command has no use for a link: on the command line it says so, where the library has opened one for all methods."""
 NAMED = [(family, name) for family in FAMILIES for name, _ in commands(family) if (family, name) not in ELSEWHERE]
 WRITING = [(family, name) for family, name in NAMED if name in facts_of(family).writes]
 
@@ -62,8 +64,7 @@ def test_a_method_is_its_command(
     first = alone(
         words_of(family, name, scratch_of(one)),
         one,
-        "-p",
-        facts_of(family).link(family, name),
+        *([] if OPENS_NONE[family, name] else ["-p", facts_of(family).link(family, name)]),
         *(["-y"] if writes else []),
     )
     sent = wrote(family, name, passed(one / "trace.txt"))

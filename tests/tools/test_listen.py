@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
+import struct
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +13,14 @@ import pytest
 
 from handctl.families import FAMILIES
 from handctl.link import fake
+from handctl.system import serial_ports
 from handctl.tools import listen_command
 from handctl.tools.family_probe import family_of
 from tests.contract.facts import facts_of, passed
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.person import person, pressed_at
+from tests.support.virtual import Loop
 
 WIRES = [(family, wire) for family in FAMILIES for wire in family_of(family).wires or ("",)]
 FAULTS = ("", "silent", "echo", "disconnect")
@@ -202,6 +208,133 @@ def test_garbage_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "--find-baud" in result.err
 
 
-def test_a_link_without_a_speed_has_none_to_find() -> None:
-    result = run("wrist", "listen", "--find-baud", "-p", "fake://wrist?bus=can&clock=virtual")
-    assert result.code == 2
+def test_a_link_without_a_speed_has_none_to_find(tmp_path: Path) -> None:
+    for family, line in (("exo", f"1.0 < {REPLY}"), ("wrist", "1.0 < can 11000001 [1] 04")):
+        result = run(family, "listen", "--find-baud", "-p", recorded(tmp_path, line))
+        assert result.code == 2
+
+
+class Uart:
+    """What a UART counts: a framing error for each byte that came at another baud rate than `right`."""
+
+    def __init__(self, right: int) -> None:
+        self.right, self.counted = right, 7  # before anybody listened
+
+    def received(self, said: bytes) -> Any:
+        def receive(link: Any, _deadline: object) -> tuple[bytes, None]:
+            link.sleep(0.1)
+            self.counted += 0 if link.baud == self.right else 2
+            return (said if link.baud == self.right else bytes([0xF8, 0x80, 0xC7])), None
+
+        return receive
+
+
+def test_framing_errors_refuse_a_baud_rate_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long before the dwell is over, and also where the bytes seem to make sense."""
+    uart = Uart(19200)
+    monkeypatch.setattr(listen_command, "received", uart.received(b"\r\n=> "))
+    monkeypatch.setattr(fake.FakeLink, "framing_errors", lambda _: uart.counted)
+    result = run("barrett", "listen", "--find-baud", "--json", "--count", "30", "-p", "fake://barrett?clock=virtual")
+    rows, end = result.stream
+    assert "baud-found" in result.said and "garbage" not in result.said
+    moments = [row["t"] for row in rows if row["kind"] == "event"]
+    assert [row["meaning"] for row in rows if row["kind"] == "event"] == ["baud 38400", "baud 19200"]
+    assert moments[-1] < 1.0 < listen_command.DWELL
+    found = {row["baud"]: row["framing_errors"] for row in end["statistics"]["bauds"]}
+    assert found[19200] == 0 and found.get(38400, 2) > 0
+
+
+def test_bytes_that_seem_to_make_sense_with_framing_errors_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
+    uart = Uart(0)
+    monkeypatch.setattr(listen_command, "received", lambda link, _: (link.sleep(0.1), (b"\r\n=> ", None))[1])
+    monkeypatch.setattr(fake.FakeLink, "framing_errors", lambda _: setattr(uart, "counted", uart.counted + 1) or uart.counted)  # fmt: skip
+    result = run("barrett", "listen", "--find-baud", "--duration", "9", "-p", "fake://barrett?clock=virtual")
+    assert "baud-found" not in result.said
+
+
+def test_a_port_that_counts_no_framing_errors_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(listen_command, "received", speaks_at(38400))
+    words = ("barrett", "listen", "--find-baud", "--duration", "20", "-p", "fake://barrett?clock=virtual")
+    assert [row["framing_errors"] for row in run(*words, "--json").stream[1]["statistics"]["bauds"]][-1:] == [None]
+    assert "does not count framing errors" in run(*words).out
+
+
+@pytest.mark.real
+def test_a_pty_counts_no_framing_errors() -> None:
+    ours, theirs = os.openpty()
+    try:
+        assert serial_ports.framing_errors(theirs) is None and serial_ports.framing_errors(ours) is None
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems do not count them")
+def test_the_drivers_counts_are_read_in_their_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """cts dsr rng dcd rx tx frame overrun parity brk buf_overrun (linux/serial.h)."""
+    import fcntl
+
+    counts = struct.pack("20i", 1, 2, 3, 4, 500, 600, 70, 8, 9, 11, 12, *[0] * 9)
+    monkeypatch.setattr(fcntl, "ioctl", lambda fd, request, room: counts if (fd, request, len(room)) == (5, 0x545D, 80) else b"")  # fmt: skip
+    assert serial_ports.framing_errors(5) == 81
+
+
+# -- the bitrate of a CAN bus -----------------------------------------------------------------------------------------
+
+
+CAN = "fake://wrist?bus=can&clock=virtual"
+
+
+@each_row("family, right", [("wrist", 1000000), ("wrist", 500000), ("hand", 500000)])
+def test_the_bitrate_is_found_by_listening_only(family: str, right: int, tmp_path: Path) -> None:
+    """And then it stays there. On the way nothing is acknowledged."""
+    link = f"fake://{family}?bus=can&clock=virtual&bitrate={right}&traffic=20" + (
+        "&model=tp" if family == "hand" else ""
+    )
+    trace = tmp_path / f"{family}{right}"
+    result = run(family, "listen", "--find-baud", "--json", "--duration", "20", "--trace", trace, "-p", link)
+    rows, end = result.stream
+    assert (result.code, "baud-found" in result.said) == (0, True), result
+    assert end["statistics"]["bitrate"] == right and end["counters"]["sent"] == 0
+    turns = [row["meaning"] for row in rows if row["kind"] == "event"]
+    assert turns == ([] if right == 1000000 else [f"bitrate {right}"])
+    assert sum(row["kind"] != "event" for row in rows) > 200, "it goes on to listen there"
+    assert ("! bitrate" in trace.read_text()) == bool(turns)
+    assert run("trace", "show", trace, "--json").code == 0
+
+
+def test_a_silent_bus_has_no_bitrate_to_find() -> None:
+    result = run("wrist", "listen", "--find-baud", "--json", "--duration", "30", "-p", f"{CAN}&bitrate=500000")
+    assert result.code == 4 and "nothing-heard" in result.said
+
+
+def test_errors_at_every_bitrate_are_no_silence(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A device that nobody acknowledges, or a bus without termination: nothing whole ever comes."""
+    monkeypatch.setattr(fake.FakeFrames, "bus_errors", lambda _: True)
+    result = run("wrist", "listen", "--find-baud", "--json", "--duration", "30", "-p", CAN)
+    assert result.code == 5 and "bus-errors" in result.said
+    assert "125000" in result.out and "?bitrate=" in result.out
+
+
+def test_an_adapter_only_listens_from_its_first_moment() -> None:
+    """Opened with L, not with O: at a wrong bitrate a controller that takes part destroys the frames of others."""
+    options = ("--slcan-tcp", "127.0.0.1:0", "--set", "bitrate=500000", "--set", "traffic=50", "--control", "control")
+    with Loop("wrist", *options) as loop:
+        result = run("wrist", "listen", "--find-baud", "--json", "--count", "20", "-p", loop.link)
+        assert (result.code, result.stream[1]["statistics"]["bitrate"]) == (0, 500000), result
+        heard = b"".join(bytes.fromhex(text) for _, text in json.loads(loop.tell("heard").removeprefix("ok ")))
+    opened = heard.split(b"C\r")[1:]
+    assert [part[:5] for part in opened[:3] if part] == [b"S8\rL\r", b"S8\rL\r", b"S6\rL\r"]
+    assert b"O\r" not in heard and b"T" not in heard
+
+
+def test_frames_of_another_kind_show_the_bitrate_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Standard frames are passed over, but a whole frame is a whole frame."""
+    monkeypatch.setattr(fake.FakeFrames, "passed_over", 3)
+    result = run("wrist", "listen", "--find-baud", "--json", "--duration", "5", "-p", CAN)
+    assert "baud-found" in result.said and result.code == 0
+
+
+def test_other_interfaces_are_set_from_outside() -> None:
+    result = run("wrist", "listen", "--find-baud", "--json", "-p", "can:virtual:handctl-listen")
+    assert result.code == 2 and "no-listen-only" in result.said

@@ -11,6 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from handctl.command.family import load
+from handctl.devices.ekso.audit_log import default_path
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
@@ -145,6 +146,72 @@ def test_a_link_that_cannot_be_opened_again_moves_nothing(monkeypatch: pytest.Mo
     (row,) = prove("aidin", "start=homed", *HOMING, "--trace", str(trace)).rows
     assert (row["verdict"], row["why"]) == ("not-shown", "no-sign")
     assert b"hand_mode".hex(" ").upper() not in trace.read_text()
+
+
+# -- a setting of a worn device ------------------------------------------------------------------------------------------
+
+
+SEATED = "fake://ekso?clock=virtual&posture=sitting"
+ONCE = ("--level", "write-back", "--only", "write-back", "--operator", "me")
+
+
+def written(trace: Path) -> list[str]:
+    """The SetValue frames that went out."""
+    return (
+        [line.split(" > ")[1] for line in trace.read_text().splitlines() if " > 9B" in line] if trace.exists() else []
+    )
+
+
+@each_row(
+    "fault,value,code",
+    [
+        ("", "accepted", 0),
+        ("&fault=not-taken", "accepted", 0),  # of a value that it had nobody can tell
+        ("&fault=refuse", "status 1", 0),
+        ("&fault=refuse&refuse-status=3", "status 3", 0),
+        ("&fault=acknowledge-set", "acknowledged", 0),
+        ("&fault=neighbour", None, 7),
+        ("&fault=set-unanswered", None, 4),
+    ],
+)
+def test_one_setting_of_an_ekso_is_written_back_once(fault: str, value: str | None, code: int, tmp_path: Path) -> None:
+    """However often is asked: SetValue goes out once, with the value that was read."""
+    trace = tmp_path / "t.txt"
+    result = run("prove", "ekso", "-p", SEATED + fault, *ONCE, "-y", "--repeat", "5", "--trace", trace, "--json")
+    assert (result.code, shown(result).get("write-back")) == (code, value), result.err
+    (frame,) = written(trace)
+    assert frame.split()[4:8] == ["00", "CB", "00", "AF"], "step_height (203) = 1.75 in"
+    (write,) = result.json["writes"]
+    assert (write["state"] == "confirmed") is (value == "accepted" or fault == "&fault=neighbour")
+    entries = [json.loads(line) for line in default_path().read_text().splitlines()][-2:]
+    assert [(one["event"], one["operator"], one["old"] == one["new"]) for one in entries] == [("intent", "me", True), ("result", "me", True)]  # fmt: skip
+
+
+@each_row(
+    "link,words,code",
+    [
+        (SEATED, ("--operator", "me"), 8),  # nobody to ask
+        (SEATED, ("-y",), 2),  # nobody is named
+        (SEATED.replace("sitting", "standing"), ("-y", "--operator", "me"), 0),
+        (SEATED.replace("sitting", "walking"), ("-y", "--operator", "me"), 0),
+    ],
+)
+def test_no_setting_is_written_unless_somebody_stands_for_it_and_the_wearer_sits(link: str, words: tuple[str, ...], code: int, tmp_path: Path) -> None:  # fmt: skip
+    trace = tmp_path / "t.txt"
+    result = run("prove", "ekso", "-p", link, *ONCE[:4], *words, "--trace", trace, "--json")
+    assert result.code == code and written(trace) == []
+    assert [(row["verdict"], row["why"]) for row in result.rows] == ([("not-shown", "no-sign")] if code == 0 else [])
+
+
+def test_a_person_types_the_value_before_it_is_written_back(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    words = ("prove", "ekso", "-p", SEATED, *ONCE[:4], "--trace", trace)
+    for answers, frames in ((["n"], 0), (["y", "2"], 0), (["y", "1.75"], 1)):
+        seen = person(*words, answers=answers)
+        assert seen.code == (0 if frames else 8) and len(written(trace)) == frames, seen.data
+        assert "wearing" in seen.data + seen.err
+    plain = run("prove", "ekso", "-p", SEATED, "--json", "--trace", trace)
+    assert plain.code == 0 and written(trace) == [] and "write-back" not in shown(plain)
 
 
 # -- the facts file -----------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from unittest import mock
 import pytest
 
 from handctl.devices.inspire import modbus_frames as modbus
-from handctl.errors import LinkError, ProtocolError
+from handctl.errors import LinkError, NoAnswer, ProtocolError
 from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, Deadline
 from handctl.link.device_lock import hold
@@ -218,6 +218,20 @@ def test_order_on_tcp_and_can() -> None:
     assert plan("can", every, speeds=False) == [Step("wrist", None), Step("hand", None)]
     assert plan("serial", ["barrett"], speeds=True)[:2] == [Step("barrett", 9600), Step("barrett", 38400)]
     assert plan("serial", ["aidin"], speeds=True) == []
+
+
+@pytest.mark.real
+def test_modbus_tcp_on_another_port_is_the_next_step_not_garbage() -> None:
+    """Bytes for it might reach a serial line there, so all families together pass it over; by itself it is found."""
+    with Simulator("--modbus-tcp", "127.0.0.1:0", "--set", "model=tp", kind="hand") as loop:
+        answer = looked(loop.link)
+        assert (answer.code, answer.error["code"], answer.rows) == (4, NoAnswer.default_code, [])
+        alone = f"hand scan --protocol modbus -p {loop.link}"
+        assert alone in answer.error["hint"] and "not-asked" in {one["came"] for one in answer.json["scan"]["tried"]}
+        doctor = {row["check"]: row for row in run("doctor", "--json", "-p", loop.link).json["rows"]}
+        assert doctor["device"]["status"] == "fail" and alone in doctor["device"]["remedy"]
+        (row,) = run(*alone.split(), "--json").rows
+        assert (row["family"], row["id"], row["protocol"]) == ("hand", 1, "modbus-tcp")
 
 
 def test_one_family_only(tmp_path: Path) -> None:

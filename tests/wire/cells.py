@@ -70,6 +70,7 @@ BENCHES = {
     ),
 }
 """Family -> its benches, where it has more than one serial wire."""
+SKIPPED = ("--skip", "doctor", "--skip", "status", "--skip", "diagnose", "--skip", "watch", "--skip", "dump")
 TOOLS = {
     "scan": ("scan",),
     "scan one family": ("scan", "--family", "{family}"),
@@ -77,6 +78,33 @@ TOOLS = {
     "stop": ("stop",),
 }
 """The tools that open a link, tried at each family's simulator."""
+OWN_LINES: dict[str, tuple[str, ...]] = {
+    "prove": ("prove", "{family}"),
+    "prove --list": ("prove", "{family}", "--list", "--level", "permanent"),
+    "prove what is put back": ("prove", "{family}", "--level", "write-back", "-y", "--operator", "me"),
+    "prove what moves, dry run": ("prove", "{family}", "--level", "move", "-n"),
+    "prove what moves, unasked": ("prove", "{family}", "--level", "move"),
+    "service": (
+        "service",
+        "--family",
+        "{family}",
+        "--skip",
+        "doctor",
+        "--count",
+        "2",
+        "--watch",
+        "0.2",
+        "--report",
+        "report.html",
+    ),
+    "service without reading": ("service", "--family", "{family}", *SKIPPED, "--report", "report.html"),
+    "twin check": ("twin", "check", "simulated-{family}.txt"),
+    "twin check with facts": ("twin", "check", "simulated-{family}.txt", "--facts", "simulated-{family}.json"),
+}
+"""Lines of tools with a course of their own, at each family: as many as show it, for each takes long. Their faults and ends are
+tried by their own tests."""
+ENDED = {"prove": (f"fault=silent{LATER}", "Ctrl-C in the middle"), "service": ("fault=silent", "Ctrl-C in the middle")}
+"""What is done to some of them besides."""
 PLACES = ("behind the first frame", "in the middle", "behind the last writing frame")
 ENDS = {"ctrl-c": "Ctrl-C", "other": "stop of another handctl"}
 
@@ -193,11 +221,25 @@ def _tools() -> Iterator[Cell]:
                 yield from _deeds(f"{name} at {family}", family, name, words, bench, writes=writes, tool=True)
 
 
+def _own_lines() -> Iterator[Cell]:
+    """The lines of tools with a course of their own."""
+    for family in FAMILIES:
+        for name, typed in OWN_LINES.items():
+            words = tuple(word.format(family=family) for word in typed)
+            offline = name.startswith("twin") or "--list" in words
+            for deed in ("run", *ENDED.get(name, ())):
+                fault = _fault(deed.removeprefix("fault=")) if deed.startswith("fault=") else ()
+                to = () if offline else link_of(family, name, SERIAL, *fault)
+                end, place = ("ctrl-c", PLACES[1]) if deed.startswith("Ctrl-C") else ("", "")
+                writes = name.startswith("prove what")
+                yield Cell(f"{name} at {family}", deed, family, name, (*words, *to), end, place, writes)
+
+
 @cache
 def cells() -> dict[str, Cell]:
     """Every cell by its name, in the order of golden.txt."""
     found: dict[str, Cell] = {}
-    for cell in (*(cell for family in FAMILIES for cell in _of_family(family)), *_tools()):
+    for cell in (*(cell for family in FAMILIES for cell in _of_family(family)), *_tools(), *_own_lines()):
         found.setdefault(cell.key, cell)
     return found
 

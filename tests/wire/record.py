@@ -9,6 +9,7 @@ import hashlib
 import json
 import os
 import re
+import shutil
 import signal
 import sys
 import time
@@ -29,6 +30,8 @@ from tests.wire import seams
 from tests.wire.cells import Cell
 from tests.wire.seams import Passed, Wire
 
+FIELD = Path(__file__).parents[1] / "field"
+"""Recordings and facts of simulators, one of each family."""
 PARTS = ("wire", "pace", "envelope", "text", "files")
 """wire      what passed on the links, and what the child is told that outlives the process
 pace      when the host spoke, by the clock of the link, and every time that the envelope tells
@@ -81,6 +84,8 @@ class Scratch:
         self.folder = folder
         prepare(folder)
         scratch_of(folder)
+        for recording in FIELD.glob("simulated-*"):
+            shutil.copyfile(recording, folder / recording.name)
         self._kept = {name: (folder / name).read_bytes() for name in self._files()}
         self._seen = {name: (folder / name).stat().st_mtime_ns for name in self._kept}
 

@@ -159,5 +159,5 @@ class Planning(Run):
         self.link_name()
         raise _UsesDeviceError
 
-    def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
+    def open_link(self, *, again: bool = False, baud: int | None = None, listening: bool = False) -> Link:
         return self.device()

@@ -245,7 +245,7 @@ def add_map_verbs(
     @click.option(
         "--find-baud",
         is_flag=True,
-        help="Try the documented baud rates in turn, and stay at the one at which the bytes make sense.",
+        help="Try the documented baud rates in turn, and stay at the one at which the bytes make sense and no framing errors are counted. On CAN it tries bitrates without acknowledging, until whole frames come.",
     )
     def listen(run: Run, count: int | None, duration: float | None, find_baud: bool) -> Table:
         """Show what the device sends without a request, decoded. Sends nothing.

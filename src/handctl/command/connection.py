@@ -67,8 +67,8 @@ class Connection:
         self.trace = trace or Trace()
         self._lasting = trace is not None
 
-    def opened(self, run: Invocation, baud: int | None) -> Link:
-        """The link of this run, tapped when --trace or -v is given. Raises UsageError, LinkError."""
+    def opened(self, run: Invocation, baud: int | None, *, listening: bool = False) -> Link:
+        """The link of this run, tapped when --trace or -v is given; `listening` as `open_link` has it. Raises UsageError, LinkError."""
         if self.link is None:
             name = run.link_name()
             tap = self.trace.file(run, name)
@@ -76,7 +76,7 @@ class Connection:
                 from handctl.stop.device_access import DeviceAccess, lock_for
 
                 self.device_access = DeviceAccess(run, lock_for(run, name))
-            self.link = self._open(run, name, baud)
+            self.link = self._open(run, name, baud, listening)
             if tap is not None:
                 from handctl.link.transcript import observed
 
@@ -112,7 +112,7 @@ class Connection:
                 self.device_access.release()
         return failure or self.trace.failure
 
-    def _open(self, run: Invocation, name: str, baud: int | None) -> Link:
+    def _open(self, run: Invocation, name: str, baud: int | None, listening: bool) -> Link:
         """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
         family = run.family
         assert family is not None
@@ -122,6 +122,7 @@ class Connection:
             baud=run.settings.baud or baud or family.baud,
             tcp_port=family.tcp_port,
             exclusive=not run.stops,
+            listening=listening,
         )
         if not run.settings.fake:
             return opening()

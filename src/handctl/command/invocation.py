@@ -196,6 +196,8 @@ def check_before(run: Invocation) -> None:
         raise UsageError(
             f"`handctl {run.command}` does not check which device answers", hint="run it without --assume-identity"
         )
+    if getattr(run.context.command, "offline", False):
+        _tell_unused(run)
     if run.stops:
         _let_pass(run)
         return
@@ -214,6 +216,13 @@ def check_before(run: Invocation) -> None:
         refuse_missing(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
         if run.family.check is not None:
             run.family.check(run.settings)
+
+
+def _tell_unused(run: Invocation) -> None:
+    """Say that a LINK was typed for nothing; that of a script, the environment, the file or a named device is meant for others too."""
+    if "port" in command_line(run.context).levels:
+        text = f"`handctl {run.command}` opens no link: -p {run.settings.port} was not used, and no device was asked"
+        run.journal.warn("link-unused", text, "leave it out")
 
 
 def _check_columns(run: Invocation) -> None:

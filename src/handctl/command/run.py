@@ -148,15 +148,15 @@ class Run(Invocation):
         self.others.append(other)
         return other.device()
 
-    def open_link(self, *, again: bool = False, baud: int | None = None) -> Link:
-        """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost."""
+    def open_link(self, *, again: bool = False, baud: int | None = None, listening: bool = False) -> Link:
+        """The link the user asked for, tapped when --trace or -v is given; `again` where it was lost. `listening`: see `link.open_link`."""
         if again and self.link is not None:
             self.link.close()
             self.link = self.connection.link = None
         if self.link is None:
             if self.session is not None:
                 self.connection = self.session.connection(self, self.connection)
-            self.link = link = self.connection.opened(self, baud)
+            self.link = link = self.connection.opened(self, baud, listening=listening)
             if self.writes:
                 from handctl.link.transcript import observed
 

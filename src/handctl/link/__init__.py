@@ -52,12 +52,13 @@ def open_link(
     baud: int | None = None,
     tcp_port: int | None = None,
     exclusive: bool = True,
+    listening: bool = False,
     simulator: Mapping[str, str] = NO_OPTIONS,
 ) -> Link:
     """Open `link`; `baud` in bit/s for serial ports, `tcp_port` for a tcp:// without a port.
 
     Not `exclusive` is for a stop only, which must go out although another program has the port. `simulator` are options of
-    a simulated device beyond those of its LINK.
+    a simulated device beyond those of its LINK. `listening`: a CAN controller begins by listening only, where it can.
 
     Raises UsageError for a LINK that cannot be understood, LinkError for one that cannot be opened.
     """
@@ -81,7 +82,7 @@ def open_link(
     if link.startswith("can:"):
         from handctl.link.can import CanLink
 
-        return CanLink(link, exclusive=exclusive)
+        return CanLink(link, exclusive=exclusive, listening=listening)
     if not link:
         raise UsageError("the LINK is empty", hint="give a port, such as -p /dev/ttyUSB0, or --fake")
     from handctl.link.serial import open_serial

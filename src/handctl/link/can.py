@@ -83,9 +83,12 @@ ENOUGH = 20
 class CanLink(FrameLink):
     """A bus of any python-can interface."""
 
-    def __init__(self, link: str, *, exclusive: bool = True) -> None:
+    def __init__(self, link: str, *, exclusive: bool = True, listening: bool = False) -> None:
+        """`listening`: an slcan adapter neither acknowledges nor sends, so that a wrong bitrate disturbs nobody."""
         self.name = link
         interface, channel, options = split_link(link)
+        if listening and interface == "slcan":
+            options["listen_only"] = True
         if interface == "slcan":
             # python-can waits 2 s for boards that restart when the port is opened; few do, `?sleep_after_open=2` is for those
             options.setdefault("sleep_after_open", 0.0 if "://" in channel or channel.startswith("/dev/pts/") else 0.1)
@@ -201,6 +204,8 @@ class CanLink(FrameLink):
                 self.damage = "this is not a possible frame"
             elif message is not None and message.is_extended_id and not message.is_remote_frame and message.is_rx:
                 return CanFrame(message.arbitration_id, bytes(message.data))
+            elif message is not None and message.is_rx:
+                self.passed_over += 1
             if deadline.expired:
                 return None
 
@@ -261,19 +266,34 @@ class CanLink(FrameLink):
         return Trouble("refused", told) if refused else Trouble("", told)
 
     def listen(self, bitrate: int, seconds: float) -> tuple[int, bool] | None:
-        bus = self._slcan
-        if bus is None:
-            return None
+        if not (able := self.only_listen(bitrate)):
+            return None if able is None else (0, False)
+        assert self._slcan is not None
         try:
-            bus.tune(bitrate, listening=True)
             deadline, frames = self.deadline(seconds), 0
             while not deadline.expired and frames < ENOUGH:
-                frames += bus.recv(deadline.remaining) is not None
-            return frames, bool((bus.flags() or 0) & (WARNING | PASSIVE | BUS_ERROR))
-        except ValueError:
-            return 0, False  # this adapter has not that bitrate
+                frames += self._slcan.recv(deadline.remaining) is not None
         except (can.CanError, OSError) as exc:
             raise self._lost(exc) from exc
+        return frames, self.bus_errors()
+
+    def only_listen(self, bitrate: int) -> bool | None:
+        if self._slcan is None:
+            return None
+        try:
+            self._slcan.tune(bitrate, listening=True)
+        except ValueError:
+            return False
+        except (can.CanError, OSError) as exc:
+            raise self._lost(exc) from exc
+        return True
+
+    def bus_errors(self) -> bool:
+        try:
+            flags = self._slcan.flags() if self._slcan is not None else None
+        except (can.CanError, OSError, ValueError) as exc:
+            raise self._lost(exc) from exc
+        return bool((flags or 0) & (WARNING | PASSIVE | BUS_ERROR))
 
     def resume(self) -> None:
         if self._slcan is not None:

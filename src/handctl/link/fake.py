@@ -243,6 +243,21 @@ class FakeFrames(_Simulated, FrameLink):
             return Trouble("bus-off", "The simulated controller reports it")
         return super().trouble(before)
 
+    def only_listen(self, bitrate: int) -> bool | None:
+        self._line.advance(self.now())
+        self._line.client_bitrate, self._line.taking_part, self._line.bus_errors = bitrate, False, 0
+        self._line.take_frames()  # what came before at another bitrate
+        self._arrived.clear()
+        return True
+
+    def bus_errors(self) -> bool:
+        self._line.advance(self.now())
+        found, self._line.bus_errors = self._line.bus_errors, 0
+        return bool(found)
+
+    def resume(self) -> None:
+        self._line.client_bitrate, self._line.taking_part = None, True
+
     def receive(self, deadline: Deadline) -> CanFrame | None:
         while True:
             now = self.now()

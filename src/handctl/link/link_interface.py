@@ -216,6 +216,7 @@ class FrameLink(Link):
     damaged        what came from the adapter and is no frame; the last of it is `damage`, for people
     adapter        who the adapter says it is; "" where it does not, None where there is no adapter to ask
     bitrate        bit/s of this end, None where it is not known
+    passed_over    whole frames of a kind that this bus does not hand over: they too show that the bitrate is right
     """
 
     _goes_out = "send"
@@ -225,6 +226,7 @@ class FrameLink(Link):
     damage: str = ""
     adapter: str | None = None
     bitrate: int | None = None
+    passed_over: int = 0
 
     def trouble(self, before: int = 0) -> Trouble | None:
         """What the controller reports now, asked for where it can be asked; None where nothing is known.
@@ -241,8 +243,19 @@ class FrameLink(Link):
         """
         return None
 
+    def only_listen(self, bitrate: int) -> bool | None:
+        """From now on receive at this bitrate without acknowledging, until `resume`.
+
+        False where the adapter does not have that bitrate, None where this interface cannot only listen. Raises LinkError.
+        """
+        return None
+
+    def bus_errors(self) -> bool:
+        """Whether the controller saw errors on the bus since this was last asked; False where it cannot be asked."""
+        return False
+
     def resume(self) -> None:
-        """Back to the bitrate of the LINK, sending and acknowledging, after `listen`."""
+        """Back to the bitrate of the LINK, sending and acknowledging, after `listen` or `only_listen`."""
 
     @abstractmethod
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
@@ -276,6 +289,13 @@ class ByteLink(Link):
 
     def _take(self, deadline: Deadline) -> object:
         return self.read(deadline)
+
+    def framing_errors(self) -> int | None:
+        """Bytes without a stop bit where it should be, and breaks, that this end has counted so far: a wrong baud rate has many.
+
+        None where they cannot be counted: on a pty, over a network, by some drivers and systems.
+        """
+        return None
 
     @abstractmethod
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:

@@ -223,6 +223,9 @@ class SerialLink(ByteLink):
                     raise self._stuck() from exc
         self._raw_access.note_unfinished(b"")
 
+    def framing_errors(self) -> int | None:
+        return None if self._fd is None else serial_ports.framing_errors(self._fd)
+
     def raw_access(self) -> RawAccess | None:
         return self._raw_access
 

@@ -154,12 +154,12 @@ def in_words(value: Any) -> str:
 
 
 def carry_out(proof: Proof, device: Any, healthy: Callable[[], object], repeat: int, prompts: Prompts) -> Outcome:
-    """Carry one proof out `repeat` times, what stays once. `healthy` is the cheapest documented read.
+    """Carry one proof out `repeat` times, what stays or is `alone` once. `healthy` is the cheapest documented read.
 
     Between two movements Ctrl-C stops the device as in one. Raises LinkError, SignOfHarm, and whatever a proof that writes or moves raises: then it is not known that the value was put back, or it is a
     sign of harm.
     """
-    repeat = 1 if proof.level == PERMANENT else repeat
+    repeat = 1 if proof.alone or proof.level == PERMANENT else repeat
     spare = SPARE if proof.level in (READ, WRITE_BACK) else 0
     found: list[Observation] = []
     spoiled: list[Outcome] = []

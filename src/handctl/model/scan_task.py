@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.model.result import Row
 
+NOT_ASKED = "not-asked"
+"""Code of a family that a search of all families passes over on a link, because its question may harm a stranger there."""
+
 
 @dataclass(slots=True)
 class ScanTask:

@@ -70,6 +70,26 @@ def name_of(descriptor: int) -> str:
         return ""
 
 
+def framing_errors(descriptor: int) -> int | None:
+    """Framing errors and breaks that the driver of an open port has counted; None where it counts none.
+
+    Only Linux counts them (TIOCGICOUNT), and not for a pty. A driver may have the count and leave it at 0.
+    """
+    if sys.platform != "linux":
+        return None
+    import fcntl
+    import struct
+    import termios
+
+    form = "20i"  # struct serial_icounter_struct of linux/serial.h: eleven counts, and room
+    try:
+        counted = fcntl.ioctl(descriptor, termios.TIOCGICOUNT, bytes(struct.calcsize(form)))
+    except OSError:
+        return None
+    _cts, _dsr, _rng, _dcd, _rx, _tx, frame, _overrun, _parity, breaks, *_ = struct.unpack(form, counted)
+    return int(frame) + int(breaks)
+
+
 def trouble(exc: BaseException) -> int | None:
     """The errno of a port that could not be opened; None if there is none.
 

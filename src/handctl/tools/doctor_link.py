@@ -19,7 +19,7 @@ from handctl.link import ByteLink, CanFrame, Deadline, Link
 from handctl.link.transcript import observed
 from handctl.model.check_rows import Check
 from handctl.model.result import SLOW, Journal, RoundTrips, hex_bytes
-from handctl.tools.family_probe import FamilyProbe
+from handctl.tools.family_probe import BITRATES, FamilyProbe
 from handctl.tools.port_inventory import Machine
 from handctl.wording import plural
 
@@ -44,8 +44,6 @@ WRONG_SPEED = frozenset({"garbage", "cut-short", "echo-differs", "wrong-id"})
 BLUETOOTH = 20
 """Bytes of a packet of Bluetooth 4.0 as serial modules send them (exo §1.1)."""
 ONE_MASTER = "leave only one device and one master on the line: end other programs, or disconnect the second master"
-BITRATES = (1_000_000, 500_000, 250_000, 125_000, 800_000)
-"""Those of hands first: 1 Mbit/s (wrist §2.3), 500 kbit/s on sibling hands."""
 NO_ACK = "check the hand's power, CAN high and low, and the termination (120 ohm at both ends)"
 BUS = {
     "no-ack": ("no device acknowledges", NO_ACK),

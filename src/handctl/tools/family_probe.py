@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from handctl.command.family import Family
 
 
+BITRATES = (1_000_000, 500_000, 250_000, 125_000, 800_000)
+"""Those of a CAN bus, in bit/s. Those of hands first: 1 Mbit/s (wrist §2.3), 500 kbit/s on sibling hands."""
+
+
 class FamilyProbe(Protocol):
     """The module of one family. Nothing in it writes to the device or moves it.
 

@@ -13,8 +13,8 @@ from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from handctl.command.terminal_prompts import is_terminal
-from handctl.errors import NoAnswer, UsageError
-from handctl.link.link_interface import FrameLink
+from handctl.errors import NoAnswer, ProtocolError, UsageError
+from handctl.link.link_interface import ByteLink, FrameLink
 from handctl.link.transcript import DIRECTIONS, Entry
 from handctl.model.explainer import HOST, ExplainedBytes
 from handctl.model.result import Column, Row, Sample, Table
@@ -34,6 +34,8 @@ ENOUGH = 16
 """Bytes from which on the share of those that make sense says something about the baud rate."""
 FITS, GARBAGE = 0.8, 0.5
 """Shares of bytes that make sense: from the one on a baud rate fits, below the other it does not."""
+BROKEN = 0.05
+"""Share of bytes with a framing error from which on a baud rate does not fit, whatever the bytes seem to say."""
 LINES, MARGIN = 3, 40
 """Lines of a terminal that a meaning takes at the most, and columns that are counted on for it."""
 LISTED = 12
@@ -122,17 +124,22 @@ class Listener(TranscriptReader):
 
 
 class Record:
-    """What was heard so far, and at which baud rate it made sense."""
+    """What was heard so far, and at which baud rate it made sense; on a CAN bus, at which bitrate whole frames came."""
 
     def __init__(self, run: Run, count: int | None, duration: float | None, *, find: bool) -> None:
         """Opens the link. Raises UsageError, LinkError."""
         self._run, self._most, self._find = run, count, find
         assert run.family is not None
         self._reader = Listener(run.family.kind)
-        self._link = link = run.open_link()
+        self._link = link = run.open_link(listening=find)
+        self._can = link if isinstance(link, FrameLink) else None
         self.start, self._wall = link.now(), link.wall()
         self._seconds = min(end for end in (duration, run.settings.deadline, float("inf")) if end is not None)
-        self._bauds = self._documented() if find else []
+        self._rate: int | None = getattr(link, "baud", None)
+        self._rates = self._documented() if find else []
+        self._counted = self._count()
+        self._framing: Counter[int | None] = Counter()
+        self._noisy: set[int] = set()
         self._since = self._last = 0.0
         self._silence, self._from = 0.0, 0.0
         self._rows = self._unknown = 0
@@ -141,26 +148,45 @@ class Record:
         self._shares: dict[int | None, list[int]] = {}
 
     def _documented(self) -> list[int]:
-        """The baud rates to try, that of the port first. Raises UsageError where the link has none."""
-        from handctl.tools.family_probe import has_speed, probe_of
+        """The rates to try, that of the LINK first. Raises UsageError where the link has none, or cannot only listen."""
+        from handctl.tools.family_probe import BITRATES, has_speed, probe_of
 
         assert self._run.family is not None
+        if self._can is not None:
+            given = self._can.bitrate or BITRATES[0]
+            if self._can.only_listen(given) is None:
+                socketcan = "set the interface itself: `sudo ip link set can0 type can bitrate N listen-only on`, while it is down"
+                raise UsageError(
+                    f"{self._link.name}: handctl cannot set the bitrate of this interface while it only listens",
+                    hint=f"{socketcan if 'socketcan' in self._link.name else 'add ?bitrate=N to the LINK'}. Then leave out --find-baud",
+                    code="no-listen-only",
+                )
+            self._rate = given
+            return list(dict.fromkeys([given, *BITRATES]))
         if not has_speed(self._link):
             raise UsageError(
                 f"{self._link.name}: the baud rate of this link cannot be set", hint="leave out --find-baud"
             )
-        return list(dict.fromkeys([self._baud or 0, *probe_of(self._run.family.kind).SPEEDS]))
+        return list(dict.fromkeys([self._rate or 0, *probe_of(self._run.family.kind).SPEEDS]))
 
-    @property
-    def _baud(self) -> int | None:
-        return getattr(self._link, "baud", None)
+    def _count(self) -> int | None:
+        """Framing errors of this port so far, None where they cannot be counted."""
+        return self._link.framing_errors() if isinstance(self._link, ByteLink) else None
 
     def samples(self) -> Iterator[Sample]:
-        """Each row as soon as it is complete. Raises NoAnswer if nothing came at all, LinkError when the link is lost."""
+        """Each row as soon as it is complete. Raises NoAnswer if nothing came at all, ProtocolError if nothing but errors on the bus, LinkError when the link is lost."""
+        try:
+            yield from self._samples()
+        finally:
+            if self._rates and self._can is not None and self._run.session is not None:
+                self._can.resume()  # other commands of a script or shell have this link after this one
+
+    def _samples(self) -> Iterator[Sample]:
         run, link = self._run, self._link
         while (left := self.start + self._seconds - link.now()) > 0 and (self._most is None or self._rows < self._most):
             data, can_id = received(link, link.deadline(min(QUIET, left)))
             now = link.now() - self.start
+            self._note_errors(silent=not data and can_id is None)
             if data or can_id is not None:
                 self._heard(now)
                 told = self._reader.take(Entry(now, "<", data, "", can_id))
@@ -177,7 +203,14 @@ class Record:
         yield from self._noted(link.now() - self.start, self._reader.over())
         run.prompts.done()
         heard = self._reader.statistics
-        if not any((*heard.count.values(), *heard.frames.values())):
+        if not any((*heard.count.values(), *heard.frames.values())) and not self._passed_over:
+            if self._noisy:
+                raise ProtocolError(
+                    f"{link.name}: errors on the bus and not one whole frame, at {', '.join(map(str, sorted(self._noisy)))} bit/s",
+                    hint="a device alone on a bus is acknowledged by nobody, so it is only heard without --find-baud, at its own bitrate (?bitrate=N). "
+                    "Otherwise check the termination (120 ohm at both ends), CAN high and CAN low",
+                    code="bus-errors",
+                )
             raise NoAnswer(
                 f"{link.name}: nothing was heard in {link.now() - self.start:.1f} s{self._place}",
                 hint="many devices only speak when asked, or at power-on: power-cycle it while `listen` runs. "
@@ -187,8 +220,20 @@ class Record:
 
     @property
     def _place(self) -> str:
-        baud = self._baud
-        return f" at {baud} bit/s" if baud and getattr(self._link, "can_set_baud", False) else ""
+        settable = getattr(self._link, "can_set_baud", False) or (self._can is not None and self._rates)
+        return f" at {self._rate} bit/s" if self._rate and settable else ""
+
+    @property
+    def _passed_over(self) -> int:
+        return self._can.passed_over if self._can is not None else 0
+
+    def _note_errors(self, *, silent: bool) -> None:
+        """What the hardware says of the present rate: framing errors of a port, and in a silence of a bus that is searched its errors."""
+        if (counted := self._count()) is not None:
+            self._framing[self._rate] += counted - (self._counted or 0)
+            self._counted = counted
+        if silent and self._find and self._can is not None and self._can.bus_errors():
+            self._noisy.add(self._rate or 0)
 
     def _heard(self, now: float) -> None:
         if now - self._last > self._silence:
@@ -203,7 +248,7 @@ class Record:
             self._before = one.last.t
             if (piece := one.piece) is not None:
                 size, makes_sense = len(piece.raw), rows[-1]["kind"] != "stray"
-                share = self._shares.setdefault(self._baud, [0, 0])
+                share = self._shares.setdefault(self._rate, [0, 0])
                 share[0] += size * makes_sense
                 share[1] += size
                 self._unknown += size * (not makes_sense)
@@ -218,34 +263,56 @@ class Record:
     # -- the baud rate ------------------------------------------------------------------------------------------------
 
     def _turned(self, now: float) -> list[TranscriptRow]:
-        """Stay at a baud rate that fits; else go on to the next one when its time is over, or what comes makes no sense."""
-        good, total = self._shares.get(self._baud, (0, 0))
-        if total >= ENOUGH and good >= FITS * total:
-            self._find = False
-            self._run.journal.info(
-                "baud-found",
-                f"{self._link.name}: {good} of {total} bytes make sense at {self._baud} bit/s",
-                f"use --baud {self._baud}",
-            )
-        elif now - self._since >= DWELL or total >= 4 * ENOUGH:
+        """Stay at a rate that fits; else go on to the next one when its time is over, or what comes makes no sense."""
+        good, total = self._shares.get(self._rate, (0, 0))
+        broken = self._framing[self._rate] > BROKEN * max(total, ENOUGH)
+        if self._can is not None and (good or self._passed_over):  # a frame has a checksum: one is enough
+            self._found(f"whole frames come at {self._rate} bit/s", f"add ?bitrate={self._rate} to the LINK")
+        elif total >= ENOUGH and good >= FITS * total and not broken:
+            self._found(f"{good} of {total} bytes make sense at {self._rate} bit/s", f"use --baud {self._rate}")
+        elif now - self._since >= DWELL or total >= 4 * ENOUGH or broken or self._rate in self._noisy:
             self._since = now
-            baud = self._bauds[(self._bauds.index(self._baud or 0) + 1) % len(self._bauds)]
-            self._shares.pop(baud, None)
-            self._link.set_baud(baud)  # type: ignore[attr-defined]
-            return self._reader.take(Entry(now, "!", b"", f"baud {baud}"))
+            return self._reader.take(Entry(now, "!", b"", self._next_rate()))
         return []
 
+    def _found(self, text: str, hint: str) -> None:
+        self._find = False
+        self._run.journal.info("baud-found", f"{self._link.name}: {text}", hint)
+
+    def _next_rate(self) -> str:
+        """Go on to the next rate that this end has; the event in words. What was heard at it before is forgotten."""
+        self._rate = rate = self._rates[(self._rates.index(self._rate or 0) + 1) % len(self._rates)]
+        self._shares.pop(rate, None)
+        self._framing.pop(rate, None)
+        if self._can is None:
+            self._link.set_baud(rate)  # type: ignore[attr-defined]
+            return f"baud {rate}"
+        if not self._can.only_listen(rate):  # this adapter does not have it; there is one that it has: that of the LINK
+            self._rates.remove(rate)
+            return self._next_rate()
+        self._link.event(f"bitrate {rate}")
+        return f"bitrate {rate}"
+
     def _judge(self) -> None:
-        """Say so where hardly anything of what came makes sense."""
-        good, total = self._shares.get(self._baud, (0, 0))
-        if total >= ENOUGH and good < GARBAGE * total:
-            text = f"{self._link.name}: only {good} of {total} bytes make sense{self._place}"
+        """Say so where hardly anything of what came makes sense, and what the port itself says of its baud rate."""
+        good, total = self._shares.get(self._rate, (0, 0))
+        if self._can is None and total >= ENOUGH and good < GARBAGE * total:
+            text = f"{self._link.name}: only {good} of {total} bytes make sense{self._place}{self._framed}"
             hint = (
                 "add --find-baud to try the documented baud rates"
                 if self._place and not self._find
                 else "check family, cable and ground"
             )
             self._run.journal.warn("garbage", text, hint)
+
+    @property
+    def _framed(self) -> str:
+        """How many framing errors the port has counted at this baud rate, or that it cannot count them."""
+        if not self._place:
+            return ""
+        if self._counted is None:
+            return ". This port does not count framing errors"
+        return f", with {plural(self._framing[self._rate], 'framing error')}"
 
     # -- the summary --------------------------------------------------------------------------------------------------
 
@@ -261,11 +328,15 @@ class Record:
             "silence_from": round(self._from, 3),
             "kinds": dict(self._kinds.most_common()),
             "bauds": [
-                {"baud": rate, "bytes": size, "good": good} for rate, (good, size) in self._shares.items() if rate
+                {"baud": rate, "bytes": size, "good": good, "framing_errors": self._framing[rate] if self._counted is not None else None}
+                for rate, (good, size) in self._shares.items()
+                if rate and self._can is None
             ],
-        }
-        if isinstance(self._link, FrameLink):
-            result["error_frames"] = self._link.error_frames
+        }  # fmt: skip
+        if self._can is not None:
+            result["error_frames"] = self._can.error_frames
+            if self._rates:
+                result["bitrate"] = None if self._find else self._rate
         return {**started(self._wall), "statistics": result}
 
     def _amounts(self) -> dict[str, Any]:
@@ -294,8 +365,11 @@ class Record:
         if heard.get("error_frames"):
             yield f"errors     {plural(heard['error_frames'], 'error frame')} on the CAN bus"
         yield f"silence    {heard['longest_silence']:.3f} s at most, from {heard['silence_from']:.3f} s on"
-        for row in heard["bauds"] if self._bauds else ():
-            yield f"{row['baud']:<10} {row['good']} of {plural(row['bytes'], 'byte')} make sense"
+        for row in heard["bauds"] if self._rates else ():
+            framing = "" if row["framing_errors"] is None else f", {plural(row['framing_errors'], 'framing error')}"
+            yield f"{row['baud']:<10} {row['good']} of {plural(row['bytes'], 'byte')} make sense{framing}"
+        if self._rates and self._can is None and self._counted is None:
+            yield "framing    this port does not count framing errors"
 
 
 def listen(run: Run, count: int | None, duration: float | None, *, find_baud: bool) -> Table:

@@ -5,7 +5,7 @@ The experiments are rows of the families, in their module `proofs`; when an answ
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any
 
@@ -13,7 +13,7 @@ import click
 
 from handctl.command.command_tree import Command
 from handctl.command.family import load
-from handctl.command.options import FiniteRange, InFile, WholeRange
+from handctl.command.options import FamilyOption, FiniteRange, InFile, WholeRange
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, UsageError
 from handctl.families import FAMILIES
@@ -26,6 +26,15 @@ from handctl.tools.family_probe import family_of, probe_of
 DIFF = "diff"
 LISTS = "`--list --level permanent` lists all experiments, and --only names one"
 REPETITIONS = 3
+
+
+def _own_of_writing(body: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that a family's own writing commands ask for: an experiment that writes needs them too."""
+    for family, row in FAMILIES.items():
+        for option in row.options:
+            if option.asked:
+                body = click.option(f"--{option.name}", cls=FamilyOption, of=family)(body)
+    return body
 
 
 @click.command("prove", cls=Command, writes=True, asks="with any --level but read")
@@ -51,6 +60,7 @@ REPETITIONS = 3
 @click.option(
     "--meter", type=FiniteRange(0.1, 100), metavar="V", help="The reading of a voltmeter at the supply of the device."
 )
+@_own_of_writing
 @click.option("--identify", is_flag=True, help="Keep the serial number and other identifying data in the facts file.")
 def cli(
     run: Run, what: str | None, files: tuple[str, ...], listing: bool, level: str, only: tuple[str, ...], repeat: int, meter: float | None, identify: bool
@@ -87,6 +97,9 @@ def cli(
     if level == READ:
         run.only_reads("--level")
         return prove(run.device())
+    module = load(what, "proofs")
+    equip = module.writer_for(run) if hasattr(module, "writer_for") else None
+    prove = partial(_prove, run, proofs, repeat, path, identify, equip=equip)
     questions = ". ".join(dict.fromkeys(proof.question for proof in proofs if proof.question))
     return PlannedAction(partial(_plan, run, proofs), prove, questions)
 
@@ -134,8 +147,16 @@ def _chosen(family: str, level: str, only: Sequence[str]) -> list[Proof]:
     return found
 
 
-def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, identify: bool, device: Any) -> Table:
-    """Carry the proofs out, one after the other; keep the facts in `path`."""
+def _prove(
+    run: Run,
+    proofs: Sequence[Proof],
+    repeat: int,
+    path: str | None,
+    identify: bool,
+    device: Any,
+    equip: Callable[[Any], None] | None = None,
+) -> Table:
+    """Carry the proofs out, one after the other; keep the facts in `path`. `equip` gives the device what its family writes with."""
     kind = device.kind
     module, probe = load(kind, "proofs"), probe_of(kind)
     if hasattr(module, "prepare"):
@@ -146,6 +167,8 @@ def _prove(run: Run, proofs: Sequence[Proof], repeat: int, path: str | None, ide
         status, evidence, remedy = probe.identify(device)
         if status == "fail":
             raise DeviceRefused(evidence, hint=remedy, code="other-device")
+    if equip is not None:
+        equip(device)
     outcomes: list[Outcome] = []
     failure: HandctlError | None = None
     for number, proof in enumerate(proofs, 1):

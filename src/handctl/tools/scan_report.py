@@ -9,6 +9,7 @@ from typing import NamedTuple
 from handctl.errors import HandctlError, Hint, Interrupted, NoAnswer, ProtocolError, joined
 from handctl.model.device import OTHER_FORM
 from handctl.model.result import Column, Journal, LineQuality, Row, Table, hex_bytes
+from handctl.model.scan_task import NOT_ASKED
 from handctl.wording import plural
 
 TALKATIVE = 16
@@ -25,7 +26,7 @@ COLUMNS = (
 )
 MORE = (Column("protocol", "Protocol"), Column("model", "Model"), Column("suspicion", "Suspicion"))
 """Shown where a row has them."""
-VAGUE = (NoAnswer.default_code, "echo", "garbage", "deadline", "not-asked")
+VAGUE = (NoAnswer.default_code, "echo", "garbage", "deadline", NOT_ASKED)
 """What a search of all families tells in its own words."""
 
 
@@ -81,7 +82,7 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
             journal.warn("deadline", f"{search.link}: --deadline ended the search")
         silent = search.verdict is not None and search.verdict.code == NoAnswer.default_code
         if search.left and silent and not search.rows:
-            journal.warn("not-asked", f"{search.link}: the search did not try: {'; '.join(search.left)}")
+            journal.warn(NOT_ASKED, f"{search.link}: the search did not try: {'; '.join(search.left)}")
     if stopped:
         table.failure = stopped[0]
     elif not table.rows:
@@ -138,14 +139,17 @@ def _nothing(search: Search) -> HandctlError:
             f"{name}: --deadline ended the search. {tried}", hint="give a longer --deadline", code="deadline"
         )
     met = {error.code: error for error in search.met.values() if error.code != NoAnswer.default_code}
+    passed_over = met.pop(NOT_ASKED, None)  # nothing came of it, and it is the next step
     if not met:
-        return NoAnswer(f"{name}: complete silence. {tried}", hint=SILENCE, code=NoAnswer.default_code)
+        hint = SILENCE if passed_over is None else passed_over.hint
+        return NoAnswer(f"{name}: complete silence. {tried}", hint=hint, code=NoAnswer.default_code)
     if (known := next((met[code] for code in CONTACT if code in met), None)) is not None:
         return ProtocolError(joined(known.text, tried), hint=known.hint, code=known.code)
     if met.keys() <= {"echo", "echo-differs"}:
         hint = "check the wiring: this is an echo or a short between TX and RX, not a device"
         return ProtocolError(f"{name}: only our own bytes come back. {tried}", hint=hint, code="echo")
-    return ProtocolError(f"{name}: data arrived, but no valid reply. {tried}", hint=GARBAGE, code="garbage")
+    hint = GARBAGE if passed_over is None else joined(passed_over.hint, GARBAGE)
+    return ProtocolError(f"{name}: data arrived, but no valid reply. {tried}", hint=hint, code="garbage")
 
 
 CONTACT = ("boot-monitor", OTHER_FORM, "bad-length")

@@ -52,7 +52,7 @@ ROWS = (
         "written twice",
         PROOFS,
         "carry_out",
-        "repeat = 1 if proof.level == PERMANENT else repeat",
+        "repeat = 1 if proof.alone or proof.level == PERMANENT else repeat",
         "pass",
         "tests/tools/test_prove.py::test_a_save_happens_once_however_often_is_asked",
     ),

@@ -12,8 +12,8 @@ ROWS = (
         "a byte that nobody asked for reaches a device that is being switched on",
         LISTEN,
         "Record.__init__",
-        "self._link = link = run.open_link()",
-        "self._link = link = run.open_link()\nrun.device().read([])\nrun.device().identify()",
+        "self._link = link = run.open_link(listening=find)",
+        "self._link = link = run.open_link(listening=find)\nrun.device().read([])\nrun.device().identify()",
         SENDS,
     ),
     mistake(

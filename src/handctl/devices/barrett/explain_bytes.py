@@ -747,6 +747,9 @@ class BarrettExplainer:
             code & NOT_INITIALIZED for code in found
         ):
             yield "initialized=1"
+        shown = {param for name in values if (param := BARRETT.get(name.partition(".")[0])) is not None}
+        if firmware := max((param.since for param in shown), default=""):  # 4.33 and before have no such parameter
+            yield f"firmware={firmware}"
         for name, value in values.items():
             base, _, motor = name.partition(".")
             if (param := BARRETT.get(base)) is None:

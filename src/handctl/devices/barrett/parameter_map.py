@@ -246,6 +246,13 @@ def implausible(index: int, position: int) -> bool:
     return not -BEYOND <= position <= TRAVEL[index == 3] + BEYOND
 
 
+def unmeasured(tenths: int) -> bool:
+    """Whether TEMP cannot be the board's temperature: at an end of its scale or below that of PTEMP, where no hand that answers is (§5.4.2)."""
+    peak = BARRETT.by_mnemonic("PTEMP")
+    assert peak.low is not None and peak.high is not None
+    return not peak.low < tenths < peak.high
+
+
 def with_sign(index: int, position: int, known: str = "") -> int:
     """A position of motor `index` that may have been sent as a word without a sign (§5.3.2, §5.3.4 IOFF).
 

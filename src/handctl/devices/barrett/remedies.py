@@ -2,7 +2,7 @@
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, STATUS_CODES
-from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
+from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, NO_SENSOR
 from handctl.devices.barrett.status_and_parameter_views import STROKE
 from handctl.errors import Hint
 from handctl.model.device_picture import Bar, Measure, Outline, Remedy
@@ -16,6 +16,7 @@ _COOL = Hint("let the hand cool, and free the spread with {}", "barrett stop --m
 REMEDIES = {
     "hot": Remedy("the board is hotter than 65 °C, which it must never be", _COOL, "barrett §2"),
     "over-limit": Remedy("the board is hotter than OTEMP: motor commands fail", _COOL, "barrett §5.4.1"),
+    "no-temperature": Remedy("the temperature sensor of the board cannot be read", NO_SENSOR, "barrett §5.4.2"),
     **{
         f"{STATUS_CODES[code][0]} ({code})": Remedy(f"status code {code} of the motor", STATUS_CODES[code][1], "barrett §5.1.3, T3")
         for code in (*_URGENT, *(code for code in STATUS_CODES if code not in _URGENT))

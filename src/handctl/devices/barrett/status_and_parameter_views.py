@@ -12,7 +12,16 @@ from typing import Any
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, split_status
 from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
-from handctl.devices.barrett.parameter_map import BARRETT, POSITIONS, TENTHS, TRAVEL, GclParam, careful, implausible
+from handctl.devices.barrett.parameter_map import (
+    BARRETT,
+    POSITIONS,
+    TENTHS,
+    TRAVEL,
+    GclParam,
+    careful,
+    implausible,
+    unmeasured,
+)
 from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.model.device import Device
 from handctl.model.param import Element, Number
@@ -93,7 +102,10 @@ def unhealthy(rows: Sequence[Row]) -> list[Finding]:
         if at.get(("EN", motor)) == 0
     ]
     temperature, limit, peak = (at.get((name, None)) for name in ("TEMP", "OTEMP", "PTEMP"))
-    if temperature is not None and temperature >= LIMIT_TENTHS:
+    if temperature is not None and unmeasured(int(temperature)):
+        text = f"temperature {temperature / 10:.1f} °C cannot be, so heat cannot be detected"
+        found.append(Finding(text, ("no-temperature",)))
+    elif temperature is not None and temperature >= LIMIT_TENTHS:
         found.append(
             Finding(f"temperature {temperature / 10:.1f} °C, which must never exceed 65 °C (barrett §2)", ("hot",))
         )

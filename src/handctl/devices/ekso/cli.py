@@ -305,7 +305,7 @@ def _always(run: Run) -> dict[str, Any]:
 CHANGES = "This changes a setting of an exoskeleton that someone may be wearing"
 
 
-def _give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, stepwise: bool = False) -> None:
+def give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, stepwise: bool = False) -> None:
     """Give the device all that writing needs; --yes stands for a person, who must be named."""
     from handctl.devices.ekso.audit_log import logs
     from handctl.devices.ekso.setting_writer import Writer
@@ -349,7 +349,8 @@ def _tell_unfinished(run: Run, audit: AuditLog) -> None:
     )
 
 
-def _need_operator(run: Run) -> None:
+def need_operator(run: Run) -> None:
+    """Raise UsageError where nobody confirms the write and nobody is named for it."""
     if run.settings.yes and not run.settings.dry_run and not run.settings.own.get("operator", "").strip():
         raise write_checks.refusal(
             write_checks.OPERATOR,
@@ -369,7 +370,7 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
     The wearer must stay still. Sends the setting once, reads all settings back, and keeps an audit log.
     """
     change = one_setting(assignments)
-    _need_operator(run)
+    need_operator(run)
 
     def steps() -> list[Step]:
         planned: list[Step] = run.planner().plan([change])
@@ -380,7 +381,7 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
         return planned
 
     def look(ekso: Ekso) -> Asked:
-        _give_writer(run, ekso, audit, override=override)  # which asks by itself, with the old value
+        give_writer(run, ekso, audit, override=override)  # which asks by itself, with the old value
         return Asked()
 
     def write(ekso: Ekso) -> Table:
@@ -405,7 +406,7 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> PlannedAc
     Uses the same checks and confirmations as `set`. Reaches a distant value in permitted steps, one every 10 s, and
     reads each one back. If it is interrupted, run it again: it continues from the current settings.
     """
-    _need_operator(run)
+    need_operator(run)
     if run.settings.dry_run:
         run.journal.info(
             "steps",
@@ -414,7 +415,7 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> PlannedAc
     act = snapshots.restore(run, EKSO, file)
 
     def look(ekso: Ekso) -> Asked:
-        _give_writer(run, ekso, audit, override=override, stepwise=True)
+        give_writer(run, ekso, audit, override=override, stepwise=True)
         return act.looked(ekso)
 
     return act._replace(question=CHANGES, look=look)

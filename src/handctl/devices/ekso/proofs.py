@@ -1,15 +1,25 @@
 """What the DataPort's manual leaves open, as experiments (ekso §6; dossier 1, 3, 10). See `model.proofs`.
 
-A person may be standing in the device: nothing here writes a setting, and only reads of the manual are sent.
+A person may be standing in the device: only reads of the manual are sent, and with --level write-back one setting is written once
+with the value that it has, through every check of `set` and while the wearer sits still.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import LENGTH_MODES, OVERHEAD, Command
-from handctl.devices.ekso.parameter_map import DATA, SETTINGS
-from handctl.model.proofs import NONE, Disturbed, Observation, Proof
+from handctl.devices.ekso.parameter_map import DATA, SETTINGS, SITTING
+from handctl.devices.ekso.stillness import STATE
+from handctl.errors import DeviceRefused, ProtocolError
+from handctl.model.prompts import Prompts
+from handctl.model.proofs import NONE, WRITE_BACK, Disturbed, Observation, Proof, damage
+
+if TYPE_CHECKING:
+    from handctl.command.run import Run
 
 GRIDS = (20, 10)
 """Periods in ms on which answers may leave, the longest first."""
@@ -24,7 +34,8 @@ REST = 0.5
 WATCHED = 0.3
 APART = 50
 """ms by which the two clocks may differ over that time."""
-SITTING = 1
+WRITTEN = "step_height"
+"""A setting that shapes a step and nothing else: whoever sits does not feel it."""
 BENT = 30.0
 """Degrees by which the knees of a seated person are bent at least."""
 
@@ -32,6 +43,14 @@ BENT = 30.0
 def prepare(device: Ekso) -> None:
     """Find the length convention first: nothing else is answered. Raises NoAnswer, ProtocolError."""
     device.port.detect_length_mode()
+
+
+def writer_for(run: Run) -> Callable[[Ekso], None]:
+    """Refuse --yes without an operator now; later give the device what writing needs, the audit log among it. Raises UsageError, OutputError."""
+    from handctl.devices.ekso.cli import give_writer, need_operator
+
+    need_operator(run)
+    return lambda device: give_writer(run, device, None, override=False)
 
 
 def _length(device: Ekso) -> Observation:
@@ -139,6 +158,33 @@ def _knees(device: Ekso) -> Observation:
     return Observation("flexion positive" if angles[0] > 0 else "flexion negative", told)
 
 
+def _write_back(device: Ekso, _prompts: Prompts) -> Observation:
+    """One SetValue of the present value. Raises what a check of the writer refuses, and whatever reads back otherwise."""
+    port, param, counters = device.port, device.map[WRITTEN], device.journal.counters
+    state = port.exchange(Command.GET_DATA).words[STATE]
+    if (state & 0xFFFF) >> 12 != SITTING:
+        return Observation(None, f"state {state & 0xFFFF:04X}: the wearer does not sit, so nothing was written")
+    shown, calm = port.settings_raw(), damage(counters)
+    assert device.writer is not None
+    value = "accepted"
+    try:
+        device.writer.write_back(param, shown)
+    except DeviceRefused as exc:
+        if not exc.code.startswith("status-"):
+            raise
+        value = exc.code.replace("-", " ")
+    except ProtocolError as exc:
+        if exc.code != "acknowledged":
+            raise
+        value = "acknowledged"
+    if damage(counters) != calm and value != "acknowledged":
+        raise Disturbed("the line was disturbed while a setting was written")
+    told = param.shown(param.from_raw(shown[param.word]))
+    return Observation(
+        value, f"SetValue {param.name} = {told}, which it had: {value}, and every setting reads as before"
+    )
+
+
 PROOFS = (
     Proof("length-convention", "not documented what the length byte counts (dossier 1)", "body", "GetTime in each convention, until one is answered", _length),
     Proof("answer-length", "not documented for replies (dossier 1)", "body", "GetDate: length byte against CRC", _answer_length),
@@ -149,4 +195,9 @@ PROOFS = (
     Proof("boot-time-words", "high word first (§6)", "high first", "GetFeedback twice: which reading goes as fast as this computer's clock", _word_order),
     Proof("unlisted-codes", "newer units return codes that no table has (dossier 3.1)", NONE, "GetSettings: codes that are in no table", _codes),
     Proof("knee-sign", "flexion is positive in the field (dossier 3.2); §6 gives no sign", "flexion positive", "GetData while the wearer sits: sign of both knees", _knees),
+    Proof(
+        "write-back", "a status, without its codes (§6); 0 is success in the field (dossier 2)", "accepted",
+        f"while the wearer sits still, {WRITTEN} gets the value that it has: the status, and GetSettings before and after", _write_back, WRITE_BACK,
+        question=f"{WRITTEN} will be written once, with the value that it has, to an exoskeleton that someone may be wearing. The wearer must sit still", alone=True,
+    ),
 )  # fmt: skip

@@ -5,11 +5,12 @@ The limits are those of `write_policy`.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 from handctl.devices.ekso import write_checks
-from handctl.devices.ekso.frames import set_value_body
+from handctl.devices.ekso.frames import Frame, set_value_body
 from handctl.devices.ekso.parameter_map import (
     NOTHING_SENT,
     PERCENT_CODES,
@@ -30,6 +31,11 @@ class Change(NamedTuple):
         """``step_length 15.50 in -> 16.00 in``."""
         before, after = (self.param.shown(self.param.from_raw(raw)) for raw in (self.old, self.new))
         return f"{self.param.name} {before} -> {after}"
+
+    def shown_by(self, answer: Frame | None, after: Sequence[int]) -> bool:
+        """Whether the read-back shows that it was taken; of a value that it had already only the status can."""
+        accepted = answer is not None and answer.status & 0xFF == 0
+        return after[self.param.word] == self.new and (self.old != self.new or accepted)
 
     @property
     def body(self) -> bytes:

@@ -114,6 +114,13 @@ class Writer:
             done.append(change.param.name)
         return shown
 
+    def write_back(self, param: Word, shown: Raws) -> None:
+        """Write the value that a setting has already, once and with all gates. Raises what `write` does, and DeviceRefused with the status."""
+        change = Change(param, shown[param.word], shown[param.word])
+        self._pass(write_checks.READ, [change], shown)
+        self._ask_for(change, [change])
+        self._write_one(change, shown)
+
     def _pass(self, moment: str, changes: Sequence[Change], shown: Raws) -> None:
         """All gates of a moment, in the order of the table."""
         for gate in write_checks.at(moment):
@@ -239,7 +246,7 @@ class Writer:
             self.port.bound = bound
         failure = judge(self.port.where, change, before, after, answer, lost)
         step = Step(change.text, self.port.request(Command.SET_VALUE, change.body))
-        if after[change.param.word] == change.new:
+        if change.shown_by(answer, after):
             self.port.journal.ledger.confirm("read back", step)
         else:
             self.port.journal.ledger.doubt(

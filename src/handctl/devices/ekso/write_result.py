@@ -27,7 +27,7 @@ def judge(
     wanted = (*before[:word], change.new, *before[word + 1 :])
     status = answer.status if answer is not None else None
     accepted = status is not None and status & 0xFF == 0
-    if status is not None and not accepted and after == wanted:
+    if status is not None and not accepted and after == wanted != before:
         return write_checks.refusal(
             write_checks.READ_BACK,
             f"{where}: {change.text}: {status_text(status)}, but the new value reads back",
@@ -50,6 +50,11 @@ def judge(
     if after == before and status is None:
         if lost is None:
             return Interrupted(f"interrupted. {change.text} was not applied")
+        if after == wanted:  # the value that it had: reading it back shows nothing
+            return lost.reworded(
+                f"{change.text}: its reply was lost, and all settings read as before. {lost.text}",
+                hint="check the line, then run it again",
+            )
         return lost.reworded(
             f"{change.text}: not applied, the old value was read twice. {lost.text}",
             hint="nothing was changed. Repeat the command if you still want it",

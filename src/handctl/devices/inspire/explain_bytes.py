@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
-from itertools import groupby
+from itertools import count, groupby, takewhile
 from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
@@ -30,6 +30,8 @@ from handctl.wording import plural
 
 UNDOCUMENTED = "at "
 """Before the address in the name of bytes of no register."""
+OF_HAND = "hand at "
+"""The same of each byte of the hand that carries a wrist: the wrist's manual names none of its registers."""
 
 
 @cache
@@ -335,6 +337,13 @@ class InspireExplainer(Cutter):
         for name, other in values.items():
             if name.startswith(UNDOCUMENTED):
                 yield f"set {int(name.removeprefix(UNDOCUMENTED)) // self.per} {other}"
+        of_hand = {
+            int(name.removeprefix(OF_HAND)): int(byte) for name, byte in values.items() if name.startswith(OF_HAND)
+        }
+        for address in sorted(of_hand):
+            if address - 1 not in of_hand:  # a run of bytes begins: half a register would be another value
+                run = bytes(of_hand[at] for at in takewhile(of_hand.__contains__, count(address)))
+                yield f"hand-set {address} {run.hex().upper()}"
         for register in self.params:
             for index, element in enumerate(elements_of(register)):
                 value = values.get(element.full_name)
@@ -434,6 +443,12 @@ class InspireExplainer(Cutter):
     def _space(self, wrist: bool) -> ParamMap[Register] | None:
         """The map behind a flag; None where this family member has no names."""
         return self.params if wrist == (self.params is WRIST) else None
+
+    def _values(self, space: ParamMap[Register] | None, address: int, data: bytes) -> tuple[Value, ...]:
+        """What the bytes at an address hold; of the hand behind a wrist each byte, because nothing says which belong together."""
+        if space is None and self.params is WRIST:
+            return tuple(Value(f"{OF_HAND}{at}", byte) for at, byte in enumerate(data, address))
+        return span_values(space, address, data)
 
     def _asks(self, space: ParamMap[Register] | None, address: int, count: int, unit: str = "byte") -> str:
         """``read id: 2 bytes at 1000``."""
@@ -563,7 +578,7 @@ class InspireExplainer(Cutter):
         if len(data) == 8 and frame.flag == WRIST_WRITE:
             text += " (an exoskeleton hand takes it for a force command)"
         at = address * self.per
-        return f"{'write ' if writes else ''}{text}, {where}", LazySequence(lambda: span_values(space, at, data))
+        return f"{'write ' if writes else ''}{text}, {where}", LazySequence(lambda: self._values(space, at, data))
 
     def _command(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """Force and position commands: five set values out; actual positions (six) or forces (five) back."""
@@ -684,7 +699,7 @@ class InspireExplainer(Cutter):
             meaning=meaning or self._can_words(direction, can_id, data),
             asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
             fields={"id": access.hand_id, "flag": str(access.flag), "address": address},
-            values=span_values(space, address, data) if holds else (), parts=tuple(parts),
+            values=self._values(space, address, data) if holds else (), parts=tuple(parts),
         )  # fmt: skip
 
     # -- Modbus -------------------------------------------------------------------------------------------------------

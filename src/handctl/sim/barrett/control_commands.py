@@ -14,7 +14,7 @@ from handctl.number_parsing import whole
 from handctl.sim.barrett.boot_monitor import Image
 from handctl.sim.barrett.device import Device
 from handctl.sim.barrett.mechanics import NAMES, Motor
-from handctl.sim.barrett.parameter_tables import ALIAS, BAUDS, Bank, Memory
+from handctl.sim.barrett.parameter_tables import ALIAS, BAUDS, NO_BOARD, NO_MOTOR, NOT_INITIALIZED, Bank, Memory
 from handctl.sim.barrett.shared_state import OBSTACLES, STATES
 from handctl.sim.engine.state_file import Fields, checked, columns, kept, rows_of, spread
 
@@ -178,15 +178,39 @@ def _put_ram(device: Device, name: str, who: str, value: str) -> None:
     if who == "-" and name in COUNTED:
         setattr(device.hand, COUNTED[name], whole(value, 0, 4294967295))
         return
-    if name == "OD":
+    if who != "-" and name in STATE and name in device.memory.motor.rows:
+        low, high = device.memory.motor.rows[name][1:3]
         for motor in _motors(device, who):
-            motor.counts = 1000.0 * whole(value, 0, 4294967295)
+            STATE[name](motor, whole(value, low, high))
         return
     bank = device.memory.common if who == "-" else device.memory.motor
     numbers = (0,) if who == "-" else tuple(motor.number for motor in _motors(device, who))
     if bank.put(name, value, numbers):
         raise ValueError(f"no stored parameter {name!r} that takes {value}")
     device.settle()
+
+
+def _put_counts(motor: Motor, thousands: int) -> None:
+    motor.counts = 1000.0 * thousands
+
+
+def _put_status(motor: Motor, code: int) -> None:
+    """Where a board or a motor is missing nothing else shows."""
+    motor.fault = code if code & (NO_BOARD | NO_MOTOR) else 0
+    motor.initialized = not code & NOT_INITIALIZED
+    motor.code = code & ~NOT_INITIALIZED
+
+
+def _put_broke(motor: Motor, broke: int) -> None:
+    motor.broke = bool(broke)
+
+
+def _put_broke_at(motor: Motor, position: int) -> None:
+    motor.broke_at = position
+
+
+STATE = {"OD": _put_counts, "S": _put_status, "BD": _put_broke, "BP": _put_broke_at}
+"""What a motor shows of itself; the rows of the parameters have the ranges."""
 
 
 def snapshot(device: Device) -> dict[str, Any]:

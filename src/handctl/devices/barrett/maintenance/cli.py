@@ -265,8 +265,8 @@ def add_care_commands(group: Group) -> None:
 
         Listens while you switch the power on, then checks firmware, settings, temperature, HI, strain, origin, speeds, the
         clutches (firmware 4.34 and later) and greasing. Each step asks first, and what moves says what will move. A step
-        that fails is a row of the result, and the next one is offered. At the first sign of harm the hand is stopped and
-        the run ends. Even with --yes, nothing moves while the hand is too hot or has a harmful setting, and HI comes first.
+        that fails is a row of the result, and the next one is offered. The first sign of harm
+        ends the run, and the hand is stopped if a movement was agreed to. Even with --yes, nothing moves while the hand is too hot or has a harmful setting, and HI comes first.
         """
         from handctl.devices.barrett.maintenance import first_light as light
         from handctl.devices.barrett.probe import ping

@@ -19,6 +19,7 @@ from handctl.devices.barrett.maintenance import health_limits, lubrication, sign
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values, slowest
 from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, travel_seconds
 from handctl.errors import (
+    Aftermath,
     CheckFailed,
     DeviceRefused,
     HandctlError,
@@ -52,6 +53,8 @@ SILENT = 6.0
 """Seconds of silence after which nothing more comes: the boot monitor waits, as at a connect."""
 READINGS = 10
 QUESTION = "First light moves every motor of the hand. Keep people and things out of its reach"
+ONLY_READ = "Nothing has been moved or stopped: the hand was only read"
+STOP = Hint("{} stops it and switches off the power of its motors", "barrett stop")
 GRASPING = "3"
 """The finger that stands opposite the other two."""
 SKIP, DECLINED, NOT_REACHED, ENDED = "skipped", "declined", "not-reached", "ended"
@@ -402,11 +405,13 @@ class FirstLight:
         return None
 
     def _stop(self, error: HandctlError) -> None:
-        """^C, and the power off all motors: once something has moved, and at a sign of harm."""
+        """^C, and the power off all motors, from the first movement on that was agreed to. Until then the hand is only read."""
         if isinstance(error, Interrupted | LinkError):  # it was stopped, or cannot be reached
             return
-        if self._moved or isinstance(error, SignOfHarm):
+        if self._moved:
             signs_of_harm.stop(self.hand, error)
+        elif isinstance(error, SignOfHarm):
+            error.add_aftermath(Aftermath(ONLY_READ, STOP))
 
 
 def _none(step: LightStep, why: str, text: str) -> Outcome:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for
-from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, GclParam
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, GclParam, unmeasured
 from handctl.errors import Hint, joined
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.result import Row, command_key
@@ -29,6 +29,7 @@ LUBRICATION = 5000
 """Strokes between two greasings (Table 6)."""
 SOON = 0.8
 """Share of an interval from which on the work is announced."""
+NO_SENSOR = "power-cycle the hand. If it happens again, ask the vendor about the temperature sensor"
 COOL = Hint("let it cool, and free the spread: {}", "barrett stop --motors S")
 HARD = ("IVEL", "IHIT", "IOFF", "TSTOP", "FIP", "SAMPLE", "SGFLIP")
 """Parameters whose value beyond the recommended limit harms: a fail (§5.3.4)."""
@@ -70,6 +71,9 @@ def verdict(check: str, source: str, good: str, wrong: str = "", remedy: str = "
 def temperature(tenths: int) -> Finding:
     """The CPU board's temperature now."""
     text, cool = f"{tenths / 10:.1f} °C", COOL
+    if unmeasured(tenths):
+        evidence = f"{text}: cannot be, so heat cannot be detected"
+        return Finding("temperature", FAIL, evidence, NO_SENSOR, "barrett §5.4.2")
     if tenths > LIMIT_TENTHS:
         return Finding("temperature", FAIL, f"{text}: above 65 °C, the limit", cool, "barrett §2")
     if tenths > WARM_TENTHS:

@@ -11,7 +11,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, shows_heat
 from handctl.devices.barrett.maintenance import health_limits
-from handctl.devices.barrett.parameter_map import implausible
+from handctl.devices.barrett.parameter_map import implausible, unmeasured
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer
 from handctl.model.check_rows import FAIL
 from handctl.model.movement import ANY, REACHED
@@ -36,10 +36,13 @@ def refuse_heat(hand: BarrettHand, at: At) -> None:
 
 
 def heat(hand: BarrettHand) -> tuple[int, int]:
-    """TEMP, and the limit that holds for this hand, in 0.1 °C."""
+    """TEMP, and the limit that holds for this hand, in 0.1 °C. Raises SignOfHarm where TEMP is no temperature of a board."""
     at = hand.by_name("TEMP", "OTEMP", dispensable=("OTEMP",))
-    limit = at.get(("OTEMP", None), 0)
-    return at["TEMP", None], min(limit or health_limits.LIMIT_TENTHS, health_limits.LIMIT_TENTHS)
+    now, limit = at["TEMP", None], at.get(("OTEMP", None), 0)
+    if unmeasured(now):
+        text = f"{hand.link.name}: TEMP {now / 10:.1f} °C cannot be, so heat cannot be detected (barrett §5.4.2)"
+        raise SignOfHarm(text, hint=health_limits.NO_SENSOR, code="unread")
+    return now, min(limit or health_limits.LIMIT_TENTHS, health_limits.LIMIT_TENTHS)
 
 
 def objections(at: At) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.parameter_map import OFF, TRAVEL, implausible
+from handctl.devices.barrett.parameter_map import OFF, TRAVEL, implausible, unmeasured
 from handctl.devices.barrett.realtime.blocks import Values
 from handctl.errors import UsageError
 
@@ -161,8 +161,10 @@ class Guards:
         watch.position, watch.taken = position, taken
 
     def heat(self, tenths: int) -> None:
-        if "heat" in self._on and tenths > self._heat:
-            text = f"{tenths / 10:.1f} °C, and the limit is {self._heat / 10:.1f} °C"
+        lost = unmeasured(tenths)
+        if "heat" in self._on and (lost or tenths > self._heat):
+            limit = "which cannot be" if lost else f"and the limit is {self._heat / 10:.1f} °C"
+            text = f"{tenths / 10:.1f} °C, {limit}"
             self.events.append(Event(self._now, "heat", None, tenths / 10, self._heat / 10, 0.0, text, ends=True))
 
     def _strain(self, index: int, watch: _Watch, strain: int, velocity: int, turned: bool) -> None:

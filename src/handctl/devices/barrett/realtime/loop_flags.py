@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
-from handctl.devices.barrett.parameter_map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds
+from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, NO_SENSOR
+from handctl.devices.barrett.parameter_map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds, unmeasured
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.guards import GUARDS, Limits, check_opening
@@ -189,6 +189,12 @@ def _delta_unit(
 def _heat(hand: BarrettHand, flag_request: FlagRequest, now: Flags) -> int:
     """The limit in 0.1 °C. Raises CheckFailed when the board is above it before anything moves."""
     limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
+    if "heat" in flag_request.guards and unmeasured(now["TEMP", 0]):
+        raise CheckFailed(
+            f"{hand.link.name}: the board is not at {now['TEMP', 0] / 10:.1f} °C, and without its temperature nothing is driven (guard heat)",
+            hint=NO_SENSOR,
+            code="guard-heat",
+        )
     if "heat" in flag_request.guards and now["TEMP", 0] > limit:
         raise CheckFailed(
             f"{hand.link.name}: the board is at {now['TEMP', 0] / 10:.1f} °C, and above {limit / 10:.1f} °C nothing is driven (guard heat)",

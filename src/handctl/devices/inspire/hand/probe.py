@@ -34,6 +34,7 @@ from handctl.link import ByteLink, Deadline, FrameLink
 from handctl.model.device_picture import hint_for
 from handctl.model.param import elements_of
 from handctl.model.result import Finding, Journal, Row
+from handctl.model.scan_task import NOT_ASKED
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
@@ -293,9 +294,12 @@ def probe(
     if link.name.startswith("tcp://") and not link.name.endswith(f":{TCP_PORT}"):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
         raise NoAnswer(
-            f"{link.name}: not tried, because a hand uses Modbus TCP on port {TCP_PORT}, and this is another port",
-            hint=LABEL,
-            code="not-asked",
+            f"{link.name}: not tried, because a hand uses Modbus TCP on port {TCP_PORT}, and another port may lead to a serial line",
+            hint=Hint(
+                "if a hand uses Modbus TCP on this port, search for it alone: {}",
+                f"hand scan --protocol modbus -p {link.name}",
+            ),
+            code=NOT_ASKED,
         )
     return OWN.probe(link, journal, deadline, ids, timeout)
 
