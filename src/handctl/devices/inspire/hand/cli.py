@@ -318,14 +318,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Pl
     return verbs.change_baud(run, rate, question, save=save_too, verify=verify)
 
 
-@cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> PlannedAction:
-    """Clear actuator errors and show which remain. Asks first if a finger may move.
-
-    A finger that an error stopped may then continue to its target.
-    No command clears an over-temperature error. It goes away once the actuator has cooled down.
-    """
-    return verbs.clear_errors(run)
+cli.verb("clear-errors", "Service", writes=True)(verbs.clear_errors)
 
 
 @cli.verb("save", "Settings", writes=True, asks=True)
