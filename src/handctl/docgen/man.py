@@ -166,7 +166,7 @@ def _below(page: Page, leaf: Node, known: Sequence[Option]) -> None:
     for option in own:
         page.item(_tag(option), marked(option.help))
     for section in leaf.sections:
-        page.para(bold(section.title) if section.rows else marked(section.text))
+        page.para(bold(section.title))
         for word, text in section.rows:
             page.item(bold(word), _sentence(text))
     page.outdent()
