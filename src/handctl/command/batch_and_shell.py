@@ -233,8 +233,6 @@ def _no_stdin() -> Iterator[None]:
 
 def _lines(text: str, context: click.Context) -> Iterator[ScriptLine]:
     """The commands of a script. Raises UsageError with the number of the line."""
-    import shlex
-
     given = defaults(context)
     known: dict[str, ScriptLine] = {}  # a line that occurs again is the same
     for number, raw in enumerate(text.splitlines(), 1):

@@ -262,7 +262,7 @@ class ModbusBus(ByteBus):
         return self._state.owed.setdefault(0 if self.tcp else self.id, Owed())
 
     def _exchange(self, pdu: bytes) -> Answer:
-        transaction = self._state.transaction = modbus_frames.next_transaction(self._state.transaction)
+        transaction = self._state.transaction = self._state.transaction % 0xFFFF + 1  # on TCP, 1 to 65535
         request = self._framed(pdu, transaction)
         self.pass_gate(request)
         self.check_bound(hex_bytes(request))
