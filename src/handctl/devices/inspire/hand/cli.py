@@ -34,7 +34,7 @@ from handctl.devices.inspire.hand.generation import (
 from handctl.devices.inspire.hand.map import BYTE_MAP, DG2, SPEEDS
 from handctl.devices.inspire.map import ALONE, address_in
 from handctl.devices.inspire.modbus_frames import TCP_PORT
-from handctl.devices.inspire.register_bus import RegisterBus
+from handctl.devices.inspire.register_bus import POWER_OFF, RegisterBus
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink, FrameLink
 from handctl.model.device import limits_of
@@ -208,7 +208,7 @@ def calibrate(run: Run) -> PlannedAction:
         motion.fit_to_move(hand)
         return Asked(question, steps(hand))
 
-    question = f"{motion.POWER_OFF} The whole hand opens and closes. It must be open and empty"
+    question = f"{POWER_OFF} The whole hand opens and closes. It must be open and empty"
     return PlannedAction(steps(run.planner()), lambda hand: motion.calibrate(hand, run.prompts), question, look=look)
 
 
