@@ -132,9 +132,7 @@ class ExoHand(RegisterDevice):
         readings = super().write(calm) if calm else []
         for element, value in changes:
             if element.param.name == "id":
-                from handctl.devices.inspire.procedures import change_id
-
-                change_id(self, int(value))
+                self.change_id(int(value))
                 readings += self.read([element])
         return readings
 
