@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 HOST = ("timeout", "deadline", "retries", "trace", "history", "assume_identity")
 """Settings of this end of a link, whatever is at the other."""
 SHARED = ("id", "baud")
-CONTROLS = ("confirm", "dry_run")
 
 
 class Argument(NamedTuple):

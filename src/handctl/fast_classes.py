@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from typing import NamedTuple
 else:
     from collections import namedtuple
+    from functools import partial
 
     class _Tuple(type):
         """Makes the class of a tuple from annotations, which nobody looks into."""
@@ -33,43 +34,38 @@ else:
     class NamedTuple(metaclass=_Tuple):
         """The base of tuples with names."""
 
-    class field:  # noqa: N801 - as in dataclasses
-        """A default that each object gets its own of."""
+    field = namedtuple("field", "default_factory")
+    """A default that each object gets its own of."""
 
-        def __init__(self, *, default_factory: Any) -> None:
-            self.make = default_factory
-
-    def fast_dataclass(_: None = None, *, frozen: bool = False, kw_only: bool = False, eq: bool = True) -> Any:
+    def fast_dataclass(cls: type | None = None, *, frozen: bool = False, kw_only: bool = False, eq: bool = True) -> Any:
         """Decorator: a class whose annotations are the arguments of its `__init__`, after those of the class above."""
-
-        def make(cls: type) -> type:
-            fields = [*getattr(cls, "__match_args__", ())]
-            fields += [name for name in cls.__annotations__ if name not in fields]
-            names: dict[str, Any] = {}
-            parts, lines = [], ["d = self.__dict__"]
-            for name in fields:
-                default = getattr(cls, name, names)
-                if default is names:
-                    parts.append(name)
-                    lines.append(f"d[{name!r}] = {name}")
-                    continue
-                names[f"_{name}"] = default.make if isinstance(default, field) else default
-                parts.append(f"{name}=_{name}")
-                own = f"_{name}() if {name} is _{name} else {name}" if isinstance(default, field) else name
-                lines.append(f"d[{name!r}] = {own}")
-            cls.__match_args__ = tuple(fields)
-            head = f"def __init__(self, {'*, ' if kw_only else ''}{', '.join(parts)}):"
-            exec("\n ".join([head, *lines]), names)  # noqa: S102 - the text is made of the class alone
-            cls.__init__ = names["__init__"]
-            cls.__repr__ = _shown
-            if eq:
-                cls.__eq__ = _same
-                cls.__hash__ = _hashed if frozen else None
-            if frozen:
-                cls.__setattr__ = cls.__delattr__ = _refused
-            return cls
-
-        return make
+        if cls is None:
+            return partial(fast_dataclass, frozen=frozen, kw_only=kw_only, eq=eq)
+        fields = [*getattr(cls, "__match_args__", ())]
+        fields += [name for name in cls.__annotations__ if name not in fields]
+        names: dict[str, Any] = {}
+        parts, lines = [], ["d = self.__dict__"]
+        for name in fields:
+            default = getattr(cls, name, names)
+            if default is names:
+                parts.append(name)
+                lines.append(f"d[{name!r}] = {name}")
+                continue
+            names[f"_{name}"] = default.default_factory if isinstance(default, field) else default
+            parts.append(f"{name}=_{name}")
+            own = f"_{name}() if {name} is _{name} else {name}" if isinstance(default, field) else name
+            lines.append(f"d[{name!r}] = {own}")
+        cls.__match_args__ = tuple(fields)
+        head = f"def __init__(self, {'*, ' if kw_only else ''}{', '.join(parts)}):"
+        exec("\n ".join([head, *lines]), names)  # noqa: S102 - the text is made of the class alone
+        cls.__init__ = names["__init__"]
+        cls.__repr__ = _shown
+        if eq:
+            cls.__eq__ = _same
+            cls.__hash__ = _hashed if frozen else None
+        if frozen:
+            cls.__setattr__ = cls.__delattr__ = _refused
+        return cls
 
     def replace(one: Any, /, **changes: Any) -> Any:
         """As of dataclasses."""

@@ -203,9 +203,7 @@ def appended(path: str | os.PathLike[str]) -> Iterator[IO[str]]:
                     code="columns",
                 )
             data = rest if size else header + b"\n" + rest
-            if (
-                size and disk.read_at(descriptor, 1, size - 1) != b"\n"
-            ):  # somebody's editor has left out the last line end
+            if disk.torn(descriptor):
                 data = b"\r\n" + data
             try:
                 if os.write(descriptor, data) < len(data):

@@ -109,7 +109,7 @@ def test_a_moving_hand_proves_nothing(system: System) -> None:
     from handctl.tools.doctor_link import same_address
 
     numbers = iter(range(0, 1000, 10))
-    with mock.patch("handctl.link.open_link") as opened:
+    with mock.patch("handctl.tools.doctor_link.open_link") as opened:
         opened.return_value.close = lambda: None
         found = list(same_address("tcp://10.0.0.5:6000", Journal(), lambda _: None, lambda _: [next(numbers)]))
     assert (found[0].name, found[0].status) == ("same_address", "skipped")

@@ -71,6 +71,13 @@ def load(kind: str, role: str) -> Any:
     return import_module(FAMILIES[kind].module(role))
 
 
+def page_of(kind: str) -> Any:
+    """What the pages say of a family, see `docgen.man_sections`; None where it has no such module."""
+    from importlib.util import find_spec
+
+    return load(kind, "manpage") if find_spec(FAMILIES[kind].module("manpage")) else None
+
+
 def implied(kind: str) -> dict[str, bool]:
     """Options of a family that are set for every command that writes."""
     return {option.key: True for option in FAMILIES[kind].options if option.implied}

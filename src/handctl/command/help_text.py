@@ -6,7 +6,6 @@ what it accepts: `Described.refused` is the one rule, which man pages and comple
 
 from __future__ import annotations
 
-import importlib
 import os
 import sys
 from collections.abc import Sequence
@@ -15,7 +14,7 @@ from typing import Any
 
 import click
 
-from handctl.command.family import Family
+from handctl.command.family import Family, page_of
 from handctl.command.options import (
     CONNECTION,
     OUTPUT,
@@ -358,9 +357,6 @@ def _known(name: str) -> Examples:
     """All of a top-level command: a family's own, from its module `page`, then those that its verbs share with others."""
     if name not in FAMILIES:
         return EXAMPLES.get(name, ())
-    from importlib.util import find_spec
-
-    where = FAMILIES[name].module("manpage")
-    page = importlib.import_module(where) if find_spec(where) else None
+    page = page_of(name)
     own: Examples = getattr(page, "EXAMPLES", ())
     return [*own, *((line.format(name, getattr(page, "SNAPSHOT_OPTION", "")), text) for line, text in SHARED)]

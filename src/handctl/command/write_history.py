@@ -159,8 +159,6 @@ def _append(line: bytes) -> None:
         if not stat.S_ISREG(os.fstat(file).st_mode):
             return
         with in_turn(file, TURN_SECONDS):
-            size = os.fstat(file).st_size
-            torn = size > 0 and disk.read_at(file, 1, size - 1) != b"\n"  # by a disk that was full
-            os.write(file, (b"\n" if torn else b"") + line + b"\n")
+            os.write(file, (b"\n" if disk.torn(file) else b"") + line + b"\n")
     finally:
         os.close(file)

@@ -5,13 +5,12 @@ Everything but the prose of `man_sections` comes from the command tree, the para
 
 from __future__ import annotations
 
-import importlib
 import re
 from collections.abc import Iterable, Sequence
-from importlib.util import find_spec
 from typing import Any
 
 from handctl import __version__, errors, guides
+from handctl.command.family import page_of
 from handctl.command.help_text import examples_of
 from handctl.docgen import man_sections
 from handctl.docgen.completion_scripts import mnemonic
@@ -108,8 +107,7 @@ def _command(node: Node, tree: Node) -> str:
 
 def _own(family: str, name: str) -> Any:
     """What a family's module `page` says, None without it."""
-    where = FAMILIES[family].module("manpage") if family in FAMILIES else ""
-    return getattr(importlib.import_module(where), name, None) if where and find_spec(where) else None
+    return getattr(page_of(family), name, None) if family in FAMILIES else None
 
 
 def _remedies(page: Page, family: str) -> None:
@@ -166,7 +164,7 @@ def _below(page: Page, leaf: Node, known: Sequence[Option]) -> None:
     for option in own:
         page.item(_tag(option), marked(option.help))
     for section in leaf.sections:
-        page.para(bold(section.title) if section.rows else marked(section.text))
+        page.para(bold(section.title))
         for word, text in section.rows:
             page.item(bold(word), _sentence(text))
     page.outdent()

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from importlib import import_module
 from typing import NamedTuple
 
+from handctl.command.family import page_of
 from handctl.docgen.readme_troubleshooting import SYMPTOMS
 from handctl.families import FAMILIES
 
@@ -34,9 +34,5 @@ class Exempt(NamedTuple):
 def exceptions(family: str = "") -> Iterator[Exempt]:
     """The exceptions of one family, or of all."""
     for name in [family] if family else FAMILIES:
-        try:
-            page = import_module(FAMILIES[name].module("manpage"))
-        except ModuleNotFoundError:
-            continue
-        for promise, where, why in getattr(page, "EXCEPTIONS", ()):
+        for promise, where, why in getattr(page_of(name), "EXCEPTIONS", ()):
             yield Exempt(name, promise, where, why)

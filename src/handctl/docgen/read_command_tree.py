@@ -19,7 +19,7 @@ import click
 from handctl.command.command_tree import root
 from handctl.command.family import map_of
 from handctl.command.options import SharedOption
-from handctl.families import COMMANDS, FAMILIES
+from handctl.families import COMMANDS
 from handctl.model.param import Param
 
 
@@ -63,11 +63,10 @@ class Argument:
 
 
 class Section(NamedTuple):
-    """A titled list below a command's help, e.g. the faults of a simulator; without rows a paragraph."""
+    """A titled list below a command's help, e.g. the faults of a simulator."""
 
     title: str
     rows: tuple[tuple[str, str], ...]
-    text: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,9 +157,6 @@ class _Recorder(click.HelpFormatter):
     def write_dl(self, rows: Iterable[tuple[str, str]], col_max: int = 30, col_spacing: int = 2) -> None:
         self.sections.append(Section(self._title, tuple(rows)))
 
-    def write_text(self, text: str) -> None:
-        self.sections.append(Section(self._title, (), text))
-
 
 def _option(option: click.Option, path: tuple[str, ...], sections: Sequence[Section]) -> Option:
     shared = isinstance(option, SharedOption)
@@ -186,19 +182,13 @@ def _value(param: click.Parameter, path: tuple[str, ...]) -> Value:
         return Value("choice", tuple(str(c.name if isinstance(c, enum.Enum) else c) for c in kind.choices))
     if isinstance(kind, click.Path):
         return Value("file" if kind.file_okay else "dir")
-    if isinstance(kind, click.File):
-        return Value("file")
     metavar = param.metavar or str(param.name).upper()
     word = re.sub(r"^\W+", "", metavar)
     match (re.match(r"[A-Z]*", word) or [""])[0]:
         case "FILE" | "PATH":
             return Value("file")
-        case "DIR" | "DIRECTORY":
-            return Value("dir")
         case "LINK" | "PORT":
             return Value("link")
-        case "FAMILY":
-            return Value("choice", tuple(FAMILIES))
         case "NAME":
             return _name(param, path, metavar)
     return Value("none")

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.link.link_interface import Link
-from handctl.system.processes import is_ours
+from handctl.system.processes import group_name, is_ours
 from handctl.system.serial_ports import IN_SYS, held_by_name, holders_by_lsof, name_of
 
 ROOT = Path("/")
@@ -164,8 +164,6 @@ def group_of(path: Path, root: Path = ROOT) -> tuple[int, str] | None:
         if known == number:
             return number, name
     if root == ROOT:  # a directory service may know more than the file
-        from handctl.system.processes import group_name
-
         return (number, name) if (name := group_name(number)) else None
     return None
 

@@ -145,34 +145,30 @@ def bars_with_values(outline: Outline, by: str, rows: Iterable[Row]) -> list[Bar
 
 
 def _painted(outline: Outline, measure: Measure, bar: Bar, at: Mapping[str, Row]) -> BarWithValue:
+    from handctl.model.reading_limits import severity, shown_value
+
     row = at.get(measure.path.format(bar.part), {})
     wrong = at.get(outline.errors.format(bar.part), {}).get("errors") if outline.errors else None
-    value = _value(row)
+    value = shown_value(row)
     if row.get("doubt"):
         row, value = {**row, "error": row["doubt"]}, None
-    text, tone = ("?" if "error" in row else "-", "dim") if value is None else (f"{value:g}", "good")
-    if value is not None and "errors" in row:
-        text = str(row.get("label") or text)
-    if value is not None:
-        from handctl.model.reading_limits import severity
-
+    if value is None:
+        text, tone = "?" if "error" in row else "-", "dim"
+    else:
+        text = str(row.get("label") or f"{value:g}") if "errors" in row else f"{value:g}"
         tone = ("good", "warn", "bad")[severity(abs(value), highest=measure.most)]
     return BarWithValue(bar, row, _share(outline, bar, at), text, "bad" if wrong or row.get("errors") else tone)
-
-
-def _value(row: Row) -> float | None:
-    from handctl.model.reading_limits import shown_value
-
-    return shown_value(row)
 
 
 def _share(outline: Outline, bar: Bar, at: Mapping[str, Row]) -> float:
     if outline.bend is None:
         return 1.0
+    from handctl.model.reading_limits import shown_value
+
     path, bent, straight = outline.bend
     bent, straight = outline.ends.get(bar.part, (bent, straight))
     row = at.get(path.format(bar.part), {})
-    value = _value(row)
+    value = shown_value(row)
     if value is None or row.get("doubt"):
         return 1.0
     return min(1.0, max(0.0, (value - bent) / (straight - bent)))

@@ -55,7 +55,7 @@ def read(path: str) -> dict[str, Any]:
     """A facts file, checked as far as it is used. Raises UsageError."""
     text = read_text(path, "a facts file", MOST, code="facts")
     try:
-        content = json.loads(text)
+        content: dict[str, Any] = json.loads(text)
         fits = content["schema"] == SCHEMA and content["family"] in FAMILIES
         fits = fits and all(isinstance(fact["verdict"], str) and "value" in fact for fact in content["facts"].values())
     except (ValueError, RecursionError, TypeError, KeyError, AttributeError):
@@ -66,8 +66,7 @@ def read(path: str) -> dict[str, Any]:
             hint="make one with `handctl prove FAMILY -o FILE`. Nothing was sent.",
             code="facts",
         )
-    found: dict[str, Any] = content
-    return found
+    return content
 
 
 def shown(content: Mapping[str, Any]) -> dict[str, Any]:

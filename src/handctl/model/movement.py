@@ -302,6 +302,6 @@ def marked(row: Row, arrival: Arrival | None) -> Row:
     return {**row, "target": arrival.goal.target, "arrival": arrival.verdict}
 
 
-def with_arrival(columns: Sequence[Column], place: int = 4) -> tuple[Column, ...]:
-    """The columns of a family's rows with the target at `place`, and the verdict last."""
-    return (*columns[:place], TARGET, *columns[place:], ARRIVAL)
+def with_arrival(columns: Sequence[Column]) -> tuple[Column, ...]:
+    """The columns of a family's rows with the target behind the fourth, and the verdict last."""
+    return (*columns[:4], TARGET, *columns[4:], ARRIVAL)

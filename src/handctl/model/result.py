@@ -480,3 +480,9 @@ class Journal:
 def hex_bytes(data: bytes) -> str:
     """Bytes as the field writes them: ``EB 90 01``."""
     return data.hex(" ").upper()
+
+
+def hex_shown(data: bytes, most: int = 40) -> str:
+    """The same, of long ones the first `most` and how many there are."""
+    text = hex_bytes(data[:most])
+    return text if len(data) <= most else f"{text} … ({len(data)} bytes)"

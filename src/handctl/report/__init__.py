@@ -31,7 +31,7 @@ from handctl.errors import (
     UsageError,
 )
 from handctl.families import FAMILIES
-from handctl.files import atomic_write, writing
+from handctl.files import atomic_write, why_unwritable, writing
 from handctl.link.link_interface import path_in
 from handctl.link.transcript import TraceWriter, observed, parse
 from handctl.model.device_picture import outline_of
@@ -309,12 +309,9 @@ def refuse(path: str, force: bool) -> None:
             hint="choose another name, or use --force to replace the file",
             code="file-exists",
         )
-    folder = os.path.dirname(path) or "."
-    if not os.path.isdir(folder) or not os.access(folder, os.W_OK):
+    if why := why_unwritable(path):
         raise OutputError(
-            f"{path}: cannot be written: {folder} is not a folder that you can write to",
-            hint="choose another folder. Nothing was sent.",
-            code="no-folder",
+            f"{path}: cannot be written: {why}", hint="choose another folder. Nothing was sent.", code="no-folder"
         )
 
 

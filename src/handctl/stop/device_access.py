@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
+from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
     Sent,
@@ -252,7 +253,7 @@ def rows(sent: Sequence[Sent]) -> list[dict[str, Any]]:
             "meaning": step.meaning,
             "reads": reads,
             "times": times,
-            "answer": _short(came),
+            "answer": hex_shown(came, MOST) or None,
         }
         for at, ((step, reads, came), times) in enumerate(with_repeat_counts(sent), 1)
     ]
@@ -271,12 +272,6 @@ def wire(sent: Sequence[Sent]) -> list[dict[str, Any]]:
         for (step, reads, came), times in with_repeat_counts(sent)
         if not reads
     ]
-
-
-def _short(data: bytes) -> str | None:
-    """The received bytes; for long ones their beginning and their length."""
-    text = data[:MOST].hex(" ").upper()
-    return f"{text} … ({len(data)} bytes)" if len(data) > MOST else text or None
 
 
 @contextlib.contextmanager

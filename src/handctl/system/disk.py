@@ -59,6 +59,12 @@ def read_at(descriptor: int, size: int, place: int) -> bytes:
     return os.pread(descriptor, size, place)
 
 
+def torn(descriptor: int) -> bool:
+    """Whether its last line has no end: the disk was full, its writer was killed, or an editor left it out. Raises OSError."""
+    size = os.fstat(descriptor).st_size
+    return size > 0 and read_at(descriptor, 1, size - 1) != b"\n"
+
+
 def write_at(descriptor: int, data: bytes, place: int) -> None:
     """Write at `place`. Raises OSError."""
     if sys.platform == "win32":

@@ -236,9 +236,7 @@ if sys.platform == "win32":
         """Call `pressed` on Ctrl-C and Ctrl-Break, in a system thread, in addition to Python's own handler."""
         if _kept:
             return
-        import _thread
         import ctypes
-        import threading
         from ctypes import wintypes
 
         def closing() -> None:
@@ -321,8 +319,6 @@ class Bell:
     def ring(self) -> None:
         """From any thread."""
         if sys.platform == "win32":
-            import _thread
-
             _calls.append(self._handler)
             _thread.interrupt_main(signal.SIGFPE)
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import shlex
 import sys
 from collections.abc import Iterator, Sequence
 
@@ -91,8 +92,6 @@ def _no_stdin() -> Iterator[None]:
 
 def _lines(text: str, context: click.Context) -> Iterator[ScriptLine]:
     """The commands of a script. Raises UsageError with the number of the line."""
-    import shlex
-
     given = options_for_lines(context)
     known: dict[str, ScriptLine] = {}  # a line that occurs again is the same
     for number, raw in enumerate(text.splitlines(), 1):

@@ -15,7 +15,7 @@ from ipaddress import IPv4Address, ip_network
 from typing import Any
 
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError
-from handctl.link import ByteLink, CanFrame, Deadline, Link
+from handctl.link import ByteLink, CanFrame, Deadline, Link, open_link
 from handctl.link.transcript import observed
 from handctl.model.check_rows import Check
 from handctl.model.result import SLOW, Journal, RoundTrips, hex_bytes
@@ -575,8 +575,6 @@ def same_address(
     link: str, device: Any, make: Callable[[Any], Any], fingerprint: Callable[[Any], list[int]]
 ) -> Iterator[Check]:
     """Whether one device answers all connections. The first connection, that of `device`, may not survive the others."""
-    from handctl.link import open_link
-
     try:
         pairs = [(fingerprint(device), fingerprint(device))]
         for _ in range(CONNECTIONS - 1):

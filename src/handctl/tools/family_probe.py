@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 
 from handctl.command.family import load
 from handctl.families import FAMILIES
-from handctl.link import ByteLink, Deadline, Link
+from handctl.link import ByteLink, Deadline, Link, is_can
 from handctl.model.result import Journal, Row
 
 if TYPE_CHECKING:
@@ -76,8 +76,6 @@ def on_can() -> list[str]:
 
 def wire_of(link: str) -> str:
     """Which kind of link a LINK is: "serial", "tcp" or "can"."""
-    from handctl.link import is_can
-
     if is_can(link):
         return "can"
     simulated = link.removeprefix("fake://").partition("?")[0]

@@ -10,12 +10,12 @@ import textwrap
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import Any, BinaryIO
 
 import click
 
 from handctl import __version__, files
-from handctl.charts.curves import PIXELS, Curve
+from handctl.charts.curves import PIXELS, SIDE, STYLE, Curve, Strip, escape, outline_svg, picture, unchanged
 from handctl.command.command_tree import Command
 from handctl.command.options import InFile
 from handctl.command.run import Run
@@ -26,10 +26,6 @@ from handctl.model.result import PARTS, Column, Row, Table
 from handctl.record.csv_and_sidecar import schema
 from handctl.screen.csv_output import of_column
 from handctl.wording import near, plural
-
-if TYPE_CHECKING:
-    from handctl.charts.curves import Curve
-
 
 # -- the CSV files of `watch`, `log` and `realtime` as curves: of each pixel the lowest and the highest value ------
 
@@ -331,8 +327,6 @@ def _keep(found: Sequence[Plotted], names: Sequence[str]) -> None:
 
 def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
     """The SVG of all quantities that moved, or the page with it."""
-    from handctl.charts.curves import SIDE, STYLE, Strip, escape, picture, unchanged
-
     seconds = max(one.seconds for one in found)
     named = [os.path.basename(one.path) for one in found]
     titles: dict[str, list[Strip]] = {}
@@ -377,7 +371,6 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
 
 def _outlines(one: Plotted) -> str:
     """The device of a log with the highest values of each finger, in its last position; "" where none is known."""
-    from handctl.charts.curves import outline_svg
     from handctl.model.device_picture import outline_of
 
     outline = outline_of(one.kind) if one.kind else None

@@ -476,9 +476,9 @@ def bias(hand: AidinHand) -> Table:
     Raises CheckFailed when a motor moves, or when a value did not come nearer to 0.
     """
     conversation = hand.conversation
-    first, earlier = _look(hand)
+    first, earlier = conversation.need(MOTOR_POS, SENSOR_STATE)
     hand.link.sleep(SHORT)
-    second, before = _look(hand)
+    second, before = conversation.need(MOTOR_POS, SENSOR_STATE)
     restless = moving(first, second)
     if restless:
         raise CheckFailed(
@@ -515,12 +515,6 @@ def bias(hand: AidinHand) -> Table:
             "The bias was sent, but no sensor value changed, so the feedback does not show that it took effect",
         )
     return table
-
-
-def _look(hand: AidinHand) -> tuple[Wire, Wire]:
-    """Encoders and sensors of one moment."""
-    encoders, sensors = hand.conversation.need(MOTOR_POS, SENSOR_STATE)
-    return encoders, sensors
 
 
 def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list[str]]:

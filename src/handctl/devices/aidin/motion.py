@@ -146,7 +146,8 @@ def parse(target: Target, texts: Sequence[str], *, rad: bool = False, cap: float
     if cap is not None:
         _check_cap(param, values, cap)
     if param.angles:
-        _couple(param, values)
+        for index in [index for index in values if param.label_of(index) == "q3"]:
+            values.setdefault(index + 1, values[index])  # only q3 counts, but the slot of q4 should not contradict it
     return Goal(target, dict(sorted(values.items())))
 
 
@@ -213,12 +214,6 @@ def _check_cap(param: AidinParam, values: dict[int, float], cap: float) -> None:
                 hint="use --cap N to allow more, up to 1000. Nothing was sent.",
                 code="beyond-cap",
             )
-
-
-def _couple(param: AidinParam, values: dict[int, float]) -> None:
-    """The slot of q4 goes with a q3 that is given: only q3 counts, but the two should not contradict each other."""
-    for index in [index for index in values if param.label_of(index) == "q3"]:
-        values.setdefault(index + 1, values[index])
 
 
 def axes_of(goal: Goal, values: Sequence[float]) -> list[movement.Goal]:

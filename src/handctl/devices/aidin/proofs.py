@@ -66,7 +66,7 @@ def prepare(hand: AidinHand) -> None:
     raise failure
 
 
-def _came(hand: AidinHand, seconds: float = WATCHED) -> bytes:
+def _came(hand: AidinHand) -> bytes:
     """Text of the hand from one `{` on: its stream for some time, or its answer to one object."""
     talk = hand.conversation
     streams = talk.exchange is ExchangeMode.STREAM
@@ -74,7 +74,7 @@ def _came(hand: AidinHand, seconds: float = WATCHED) -> bytes:
     if not streams:
         talk.send(talk.way.poll)
     link, came = talk.link, b""
-    end = link.deadline(seconds if streams else talk.poll_seconds)
+    end = link.deadline(WATCHED if streams else talk.poll_seconds)
     while len(came) < MOST and (chunk := link.read(end)):
         came += chunk
         end = end if streams else link.deadline(QUIET)

@@ -74,7 +74,7 @@ class AuditLog:
         with self._opened() as file:
             if not stat.S_ISREG(os.fstat(file).st_mode):
                 raise OSError(errno.EINVAL, "not a regular file, so the policy cannot read the last writes from it")
-            _torn(file)
+            disk.torn(file)
 
     @contextmanager
     def _opened(self) -> Iterator[int]:
@@ -174,7 +174,7 @@ class AuditLog:
             with in_turn(file, TURN_SECONDS):
                 line = linked(text, held(reversed(_tail(file)[0]))) + b"\n"
                 # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own
-                _write_all(file, b"\n" + line if _torn(file) else line)
+                _write_all(file, b"\n" + line if disk.torn(file) else line)
             disk.sync(file)
 
 
@@ -184,11 +184,6 @@ def _tail(file: int) -> tuple[list[bytes], bool]:
     start = max(0, size - TAIL)
     lines = disk.read_at(file, size - start, start).split(b"\n")
     return (lines[1:], True) if start else (lines, False)
-
-
-def _torn(file: int) -> bool:
-    size = os.lseek(file, 0, os.SEEK_END)
-    return size > 0 and disk.read_at(file, 1, size - 1) != b"\n"
 
 
 def _write_all(file: int, data: bytes) -> None:

@@ -21,7 +21,7 @@ from handctl.devices.ekso.device import Ekso, one_setting, written_table
 from handctl.devices.ekso.frames import LENGTH_MODES
 from handctl.devices.ekso.gait_cli import add_gait
 from handctl.devices.ekso.parameter_map import EKSO
-from handctl.devices.ekso.write_policy import largest_step, write_limits_of
+from handctl.devices.ekso.write_policy import largest_step, policy_table, write_limits_of
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.link import ByteLink
 from handctl.model.command_settings import Settings
@@ -249,7 +249,6 @@ def policy(run: Run, audit: str | None) -> Table:
     from pathlib import Path
 
     from handctl.devices.ekso.audit_log import AuditLog, check_whole_log, default_path
-    from handctl.devices.ekso.write_policy import policy_table
 
     table = policy_table()
     path = Path(audit) if audit else default_path()

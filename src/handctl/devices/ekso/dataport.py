@@ -28,7 +28,7 @@ from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Gate, Line, harmless_to_others
 from handctl.model.frame_decoder import frames_in
-from handctl.model.result import Journal, hex_bytes
+from handctl.model.result import Journal, hex_bytes, hex_shown
 from handctl.model.sampling import Moment
 from handctl.wording import plural
 
@@ -94,8 +94,6 @@ class Attempt:
         return "garbage", f"received {plural(len(self.received), 'byte')} instead of a valid frame"
 
 
-SHOWN = 40
-"""Bytes of what came that a message shows."""
 HINTS = {
     "silence": "check that the device is on, that the USB cable is connected, and that no other program uses the port. If it is on, it may need another --length-mode (auto tries them with GetTime)",
     "echo": "check the cable for a loop, or whether this is another kind of device. If the device replies to other requests, it acknowledged this one without data: report this",
@@ -423,6 +421,5 @@ class DataPort(Line):
                 "bad-length",
                 f"the reply to {name_of(attempt.request[0])} has {self._differs[0]}, with a good CRC",
             )
-        shown = hex_bytes(came[:SHOWN]) + (f" … ({len(came)} bytes)" if len(came) > SHOWN else "")
-        text = f"{self.where}: {text}. Sent {sent}, received {shown}"
+        text = f"{self.where}: {text}. Sent {sent}, received {hex_shown(came)}"
         return ProtocolError(text, hint=HINTS[code], code=code, came=came)

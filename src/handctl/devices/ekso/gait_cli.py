@@ -108,13 +108,13 @@ def _counts(walk: Walk) -> list[Row]:
 
 def _tell(run: Run, path: str, source: LogFile, walk: Walk) -> None:
     """What was found beside the figures. Raises CheckFailed where no stride counts."""
+    from handctl.command.export_command import tell_simulated
+
     for remark in walk.remarks:
         run.journal.warn("sensor", f"{path}: {remark}")
     counted = ", ".join(f"{row['value']} {row['unit']}" for row in _counts(walk))
     run.journal.info("strides", f"{path}: strides: {counted}")
-    if source.simulated:
-        run.settings = run.settings._replace(port=None, fake=True)
-        run.journal.info("simulated", f"{path}: this is a recording of a simulator, not of a device")
+    tell_simulated(run, source)
     if not walk.taken:
         raise CheckFailed(
             f"{path}: no stride was found",

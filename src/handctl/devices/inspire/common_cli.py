@@ -145,7 +145,11 @@ def _verify_speed(run: Run, device: RegisterDevice, rate: int, table: Table) -> 
 
 
 def clear_errors(run: Run) -> PlannedAction:
-    """Clear the actuator errors. Asks where that may move a finger."""
+    """Clear actuator errors and show which remain. Asks first if a finger may move.
+
+    A finger that an error stopped may then continue to its target.
+    No command clears an over-temperature error. It goes away once the actuator has cooled down.
+    """
 
     def steps(device: RegisterDevice) -> Sequence[Step]:
         return [device.trigger_step("clear_errors", "clear errors")]

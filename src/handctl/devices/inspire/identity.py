@@ -187,40 +187,39 @@ class IdentityCheck:
         """Whose hand answers its own flag where the wrist's was `unheard`, twice; None = nobody's, or that of a wrist."""
         self._failure = unheard
         try:
-            kind = self._try(TABLE[1:3])
+            kind = self.shown_by(TABLE[1:3])
             if kind is None and any(self._memory.values()):
-                kind = self._try(TABLE[3:])
-            return None if kind is None or self._try(TABLE[:1]) is not None else kind
+                kind = self.shown_by(TABLE[3:])
+            return None if kind is None or self.shown_by(TABLE[:1]) is not None else kind
         except (NoAnswer, ProtocolError):
             return None
 
     def who(self, own: Kind) -> Kind:
         """The kind of device. Raises NoAnswer, ProtocolError without a valid reply of one of these, LinkError."""
+        self.evidence = ""
         wrist, states, more = TABLE[:1], TABLE[1:3], TABLE[3:]
-        if own in (F1_HAND, DG2_HAND) and (kind := self._try([sign for sign in TABLE if sign.kind is own])):
+        if own in (F1_HAND, DG2_HAND) and (kind := self.shown_by([sign for sign in TABLE if sign.kind is own])):
             return kind
         if (
             own.family == BYTE_HAND.family
         ):  # with a wrist on it or not: it is the hand's own flag that is asked and written
-            kind = self._try(states)
+            kind = self.shown_by(states)
         elif own is WRIST:  # flag 30 is nobody else's: its answer is enough
-            kind = self._try(wrist) or (self._try(MORE_WRIST) if self._silent else None)
+            kind = self.shown_by(wrist) or (self.shown_by(MORE_WRIST) if self._silent else None)
             if kind is None and self._silent:
                 self.evidence = "there is no reply to the wrist's flag (30, on CAN 4)"
-                kind = self._try(states)
+                kind = self.shown_by(states)
         else:
-            kind = self._try(states)
-            if self._held is not None and kind is EXO:
-                return kind  # enough for what only reads
+            kind = self.shown_by(states)
             if kind is not None or self._silent:
-                kind = self._try(wrist) or kind
+                kind = self.shown_by(wrist) or kind
         if kind is None and self._silent and own.family == BYTE_HAND.family:
-            kind = self._try(PARTS)
+            kind = self.shown_by(PARTS)
             self.in_part = kind is not None
         if kind is None and self._silent:
-            kind = self._try(more)
+            kind = self.shown_by(more)
             if kind is None and own.family == BYTE_HAND.family:
-                kind = self._try(more, due=True)
+                kind = self.shown_by(more, due=True)
         if kind is None:
             raise self._not_shown() or self._failure or self._unknown()
         return kind
@@ -257,7 +256,7 @@ class IdentityCheck:
         failure = self._failure
         return failure if failure is not None and failure.code in UNHEARD else None
 
-    def _try(self, signs: Collection[Sign], *, due: bool = False) -> Kind | None:
+    def shown_by(self, signs: Collection[Sign], *, due: bool = False) -> Kind | None:
         """Whom the first of `signs` shows that shows anything. `due`: see `ask`."""
         for sign in signs:
             if self._bus.wire not in sign.kind.wires:
@@ -379,7 +378,8 @@ class FamilyGate(Gate):
             if not (is_exo_alone(held) if own is EXO else any(one.kind is own and one.shows(held) for one in TABLE)):
                 look, kind = IdentityCheck(there, held), own
                 try:
-                    kind = look.who(own)
+                    if own is not EXO or look.shown_by(TABLE[1:3]) is not EXO:  # enough for what only reads
+                        kind = look.who(own)
                 except (NoAnswer, ProtocolError):
                     pass  # nobody else is proved
                 except HandctlError as exc:

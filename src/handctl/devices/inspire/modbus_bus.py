@@ -17,12 +17,11 @@ from typing import Any, ClassVar
 from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.modbus_frames import TCP_PORT, Answer, RtuDecoder, TcpDecoder
 from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
-from handctl.devices.inspire.serial_bus import shorten
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.result import Journal, hex_bytes
+from handctl.model.result import Journal, hex_bytes, hex_shown
 from handctl.wording import plural
 
 SYSTEM = 1000
@@ -262,7 +261,7 @@ class ModbusBus(ByteBus):
         return self._state.owed.setdefault(0 if self.tcp else self.id, Owed())
 
     def _exchange(self, pdu: bytes) -> Answer:
-        transaction = self._state.transaction = modbus_frames.next_transaction(self._state.transaction)
+        transaction = self._state.transaction = self._state.transaction % 0xFFFF + 1  # on TCP, 1 to 65535
         request = self._framed(pdu, transaction)
         self.pass_gate(request)
         self.check_bound(hex_bytes(request))
@@ -403,7 +402,7 @@ class ModbusBus(ByteBus):
     def _failure(self, request: bytes, received: bytes, odd: Sequence[Answer], since: float) -> HandctlError:
         if not received:
             return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINT)
-        came = f"(sent {hex_bytes(request)}, received {shorten(received)})"
+        came = f"(sent {hex_bytes(request)}, received {hex_shown(received)})"
         code, text = "garbage", f"received {plural(len(received), 'byte')} instead of a valid Modbus reply"
         if received == request:
             code, text = "echo", "only our own bytes came back"

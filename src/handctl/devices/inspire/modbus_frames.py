@@ -162,11 +162,6 @@ def rtu(unit: int, pdu: bytes) -> bytes:
     return body + crc(body)
 
 
-def next_transaction(last: int) -> int:
-    """The transaction id of the next request on TCP, 1 to 65535."""
-    return last % 0xFFFF + 1
-
-
 def tcp(transaction: int, pdu: bytes, unit: int = ANY_UNIT) -> bytes:
     """A frame on a TCP connection."""
     return transaction.to_bytes(2, "big") + b"\0\0" + (len(pdu) + 1).to_bytes(2, "big") + bytes([unit]) + pdu

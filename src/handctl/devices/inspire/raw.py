@@ -12,11 +12,11 @@ from handctl.devices.inspire.explain_bytes import InspireExplainer, stretches
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.register_map import ALONE, EXO, Register
-from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak, shorten
+from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
-from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.result import Column, Row, Table, hex_bytes, hex_shown
 
 FORCED = "`raw --force-ambiguous` sends it anyway."
 WORN = "This may move or change a hand that a person may be wearing"
@@ -287,7 +287,7 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     replies = [piece for piece in pieces if piece.raw.startswith(eb90.DEVICE)]
     if not any(piece.answers in asks or piece.raw[2:3] == data[2:3] for piece in replies):
         code, text = bad_reply(data, received)
-        text = f"{bus.where}: {text}: {shorten(received)}"
+        text = f"{bus.where}: {text}: {hex_shown(received)}"
         table.failure = ProtocolError(text, hint=hint_for(code, bus.family), code=code)
     elif refused := [p for p in replies if p.problem == "refused" and (p.answers in asks or not p.answers)]:
         text = "the save failed: result FF (00 = saved, FF = failed)"

@@ -76,6 +76,10 @@ DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
 
 
+POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
+"""Safety words of a calibration: no command stops one (exo §2.3.6, rh56 §9)."""
+
+
 @contextmanager
 def may_still_move(what: str) -> Iterator[None]:
     """If watching a movement is cut short, the error also says that it may still move."""

@@ -16,7 +16,7 @@ from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.result import hex_bytes
+from handctl.model.result import hex_bytes, hex_shown
 from handctl.wording import plural
 
 SILENCE_HINT = (
@@ -158,12 +158,6 @@ def _damaged(received: bytes, device_id: int | None) -> bool:
 
 REPLY_SIZE = 8
 """Bytes of the reply to a read beside its data."""
-
-
-def shorten(data: bytes, limit: int = 40) -> str:
-    """Bytes in hex, not more of them than a message can hold."""
-    text = hex_bytes(data[:limit])
-    return text if len(data) <= limit else f"{text} … ({len(data)} bytes)"
 
 
 def headless(data: bytes) -> list[Frame]:
@@ -441,7 +435,7 @@ class SerialBus(ByteBus):
         if code == "stale" and others_speak(request, seen):
             self.journal.line.others = True
         return ProtocolError(
-            f"{self.where}: {text} (sent {hex_bytes(request)}, received {shorten(received)})",
+            f"{self.where}: {text} (sent {hex_bytes(request)}, received {hex_shown(received)})",
             hint=hint_for(code, self.family),
             code=code,
             came=received,

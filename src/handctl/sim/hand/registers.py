@@ -100,7 +100,6 @@ ACTS = (
     "move", "speed", "force", "settings", "id", "baud", "ip", "stop",
 )  # fmt: skip
 """What a hand can be made to do; each is counted."""
-DANGERS = ("factory-reset", "run", "gesture", "reserved")
 
 
 class Hand:

@@ -297,7 +297,8 @@ class Transfer:
         self._address = record.address
         self._window = window
         self.triggers_echo = triggers_echo
-        self._in_data = False
+        self.in_data = False
+        """Whether address and count are confirmed and data bytes go out."""
         self._begin()
 
     def _begin(self) -> None:
@@ -314,15 +315,10 @@ class Transfer:
     def where(self) -> str:
         """What is awaited, e.g. ``2C40h`` or ``the address of the record at 2C40h``."""
         lead = 1 if self.triggers_echo else 0
-        if not self._in_data:
+        if not self.in_data:
             part = ("address low", "address high", "count")[max(0, min(2, self._echoed - lead))]
             return f"the {part} byte of the record at {self._address:04X}h"
         return f"{self._address + max(0, self._echoed - lead):04X}h"
-
-    @property
-    def in_data(self) -> bool:
-        """Whether address and count are confirmed and data bytes go out."""
-        return self._in_data
 
     @property
     def awaited(self) -> int:
@@ -352,7 +348,7 @@ class Transfer:
                 raise EchoError(f"at {self.where}: sent {self.awaited:02X}, received {byte:02X}", code="wrong-echo")
             self._echoed += 1
             if self._echoed == len(self._bytes) and self._groups:
-                self._in_data = True
+                self.in_data = True
                 self._begin()
 
     @property

@@ -234,9 +234,6 @@ class Laws(Controls):
             for index, names in self.carries.items()
         }
 
-    def extremes(self, index: int) -> tuple[int, int]:
-        return LIMITS["velocity"]
-
     def at(self, seconds: float) -> Values | None:
         given = self._source.at(seconds)
         if given is None:

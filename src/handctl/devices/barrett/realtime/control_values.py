@@ -72,8 +72,10 @@ class Controls:
 
     def extremes(self, index: int) -> tuple[int, int]:
         """Lowest and highest velocity that a motor can be sent."""
+        if self.live:
+            return LIMITS["velocity"]
         velocity = self._state[index]["velocity"]
-        return LIMITS["velocity"] if self.live else (velocity, velocity)
+        return velocity, velocity
 
     def steer(self, values: Mapping[str, Any]) -> None:
         """Values of a program that has the loop: of each name a number, one for each motor, or motor -> number. Raises UsageError."""
@@ -131,9 +133,6 @@ class Live(Controls):
         self._rows = rows
         self._arrived: deque[Change | UsageError | None] = deque()
         self._heard = 0.0
-
-    def extremes(self, index: int) -> tuple[int, int]:
-        return LIMITS["velocity"]
 
     def listen(self) -> None:
         """Take every line as it arrives, until the input ends or a line is invalid; the loop reads them with `at`."""

@@ -105,16 +105,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Pl
     return verbs.change_baud(run, rate, question, save=save_too, verify=verify)
 
 
-@cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> PlannedAction:
-    """Clear actuator errors and show which remain. Asks first if a finger may move.
-
-    A finger that an error stopped may then continue to its target.
-    No command clears an over-temperature error. It goes away once the actuator has cooled down.
-    """
-    return verbs.clear_errors(run)
-
-
+cli.verb("clear-errors", "Service", writes=True)(verbs.clear_errors)
 SKIP_IDENTITY = click.option("--skip-identity-check", is_flag=True, help="Skip the check that this is an EH55BF1.")
 
 

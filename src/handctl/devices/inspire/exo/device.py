@@ -14,7 +14,7 @@ from typing import Any
 
 from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.duplicate_id import identify_alone
-from handctl.devices.inspire.register_bus import may_still_move
+from handctl.devices.inspire.register_bus import POWER_OFF, may_still_move
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
 from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.serial_bus import SerialBus
@@ -132,9 +132,7 @@ class ExoHand(RegisterDevice):
         readings = super().write(calm) if calm else []
         for element, value in changes:
             if element.param.name == "id":
-                from handctl.devices.inspire.id_baud_save_reset import change_id
-
-                change_id(self, int(value))
+                self.change_id(int(value))
                 readings += self.read([element])
         return readings
 
@@ -340,8 +338,6 @@ def status_view(rows: list[Row]) -> list[Grid]:
 CALIBRATION_SECONDS = 30.0
 """How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
 STILL = Stillness(samples=3, seconds=0.5, refresh=0.05)
-POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
-"""Safety words of a calibration: no command stops one (exo §2.3.6)."""
 
 CALIBRATION_STEPS = (
     (1, "relax all fingers: no force on the hand"),
@@ -379,7 +375,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
         )
         least = sum(seconds for seconds, _ in CALIBRATION_STEPS)
         more = f" (waits {least} s, the rest is movement)"
-        frame = wait_for_calibration(bus, prompts, CALIBRATION_SECONDS, more, POWER_OFF)
+        frame = wait_for_calibration(bus, prompts, CALIBRATION_SECONDS, more)
     seconds = bus.link.now() - started
     if frame is not None:
         prompts.say(f"The hand reported the end after {seconds:.1f} s.")

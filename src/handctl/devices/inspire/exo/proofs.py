@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from handctl.devices.inspire import proofs
 from handctl.devices.inspire.exo import device
+from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 
@@ -25,6 +26,6 @@ PROOFS = (
     proofs.SAVE_FRAMES,
     proofs.calibration_frames(
         "calibrate", _calibrate, "no report in print (exo §2.3.6); a frame with address 2 on the RH56 (chapter 3, example 5)",
-        f"{device.POWER_OFF} Someone has to wear the hand, and the calibration moves all fingers and replaces the present one",
+        f"{POWER_OFF} Someone has to wear the hand, and the calibration moves all fingers and replaces the present one",
     ),
 )  # fmt: skip

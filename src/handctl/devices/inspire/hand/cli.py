@@ -34,7 +34,7 @@ from handctl.devices.inspire.hand.model_and_protocol import (
 )
 from handctl.devices.inspire.hand.register_map import BYTE_MAP, HAND_BAUD_RATES
 from handctl.devices.inspire.modbus_frames import TCP_PORT
-from handctl.devices.inspire.register_bus import RegisterBus
+from handctl.devices.inspire.register_bus import POWER_OFF, RegisterBus
 from handctl.devices.inspire.register_map import ALONE, address_in
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink, FrameLink
@@ -209,7 +209,7 @@ def calibrate(run: Run) -> PlannedAction:
         motion.fit_to_move(hand)
         return Asked(question, steps(hand))
 
-    question = f"{motion.POWER_OFF} The whole hand opens and closes. It must be open and empty"
+    question = f"{POWER_OFF} The whole hand opens and closes. It must be open and empty"
     return PlannedAction(steps(run.planner()), lambda hand: motion.calibrate(hand, run.prompts), question, look=look)
 
 
@@ -321,14 +321,7 @@ def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | Pl
     return verbs.change_baud(run, rate, question, save=save_too, verify=verify)
 
 
-@cli.verb("clear-errors", "Service", writes=True)
-def clear_errors(run: Run) -> PlannedAction:
-    """Clear actuator errors and show which remain. Asks first if a finger may move.
-
-    A finger that an error stopped may then continue to its target.
-    No command clears an over-temperature error. It goes away once the actuator has cooled down.
-    """
-    return verbs.clear_errors(run)
+cli.verb("clear-errors", "Service", writes=True)(verbs.clear_errors)
 
 
 @cli.verb("save", "Settings", writes=True, asks=True)

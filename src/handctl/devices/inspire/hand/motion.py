@@ -16,6 +16,7 @@ from typing import NamedTuple
 from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
 from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, NO_TEMPERATURE, TOO_HOT_TO_MOVE
 from handctl.devices.inspire.id_baud_save_reset import outcome, wait_for_calibration
+from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.devices.inspire.register_device import Movement
 from handctl.devices.inspire.register_map import ALONE, pushes
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
@@ -237,7 +238,6 @@ def nudge(hand: Hand, plan: Nudge, prompts: Prompts) -> None:
 
 # -- calibration ------------------------------------------------------------------------------------------------------
 
-POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 COUNTDOWN = 10
 """Seconds to take the hands away (rh56 §9)."""
 LISTEN, WAIT = 20.0, 8.0
@@ -261,7 +261,7 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
         lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
         prompts.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
         seconds = LISTEN if bus.reports else WAIT
-        reported = wait_for_calibration(bus, prompts, seconds, "", POWER_OFF) is not None
+        reported = wait_for_calibration(bus, prompts, seconds) is not None
     if lost is not None and not reported:
         raise lost.reworded(
             f"the calibration may have started. Its start was not acknowledged: {lost.text}",

@@ -7,7 +7,7 @@ from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.modbus_bus import TEMPERATURES, ModbusBus
 from handctl.devices.inspire.modbus_frames import read_request
-from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS
+from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, POWER_OFF
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import Observation, Proof
@@ -90,6 +90,6 @@ PROOFS = (
     proofs.SAVE_FRAMES,
     proofs.calibration_frames(
         "calibrate_force", _calibrate, "a frame with address 2 (chapter 3, example 5; rh56 §6 Q9)",
-        f"{motion.POWER_OFF} The whole hand opens and closes, and the calibration replaces the present one. It must be open and empty",
+        f"{POWER_OFF} The whole hand opens and closes, and the calibration replaces the present one. It must be open and empty",
     ),
 )  # fmt: skip

@@ -130,12 +130,8 @@ def _refuse_write(hand: Hand, number: int, address: int, data: bytes) -> None:
 
 def exchange(hand: Hand, data: bytes, wait: float) -> Table:
     """Send the bytes once, listen until `wait` seconds have brought nothing more, show every frame that came."""
-
     bus, link = hand.bus, hand.bus.link
-    if not isinstance(link, ByteLink):
-        raise UsageError(
-            "`raw` does not support CAN frames here", hint=("use `handctl hand read` and `write` over CAN")
-        )
+    assert isinstance(link, ByteLink)  # `plan` refuses CAN
     if not (mode_of(data) and only_reads(pdu_of(data, mode_of(data)))):
         names_id = mode_of(data) == RTU and 1 <= data[0] <= 254
         (bus.at(device_id=data[0]) if names_id else bus).pass_gate(data)
