@@ -378,7 +378,7 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink,
 # -- data formats -------------------------------------------------------------------------------------------------
 
 
-_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, check_circular=False)  # what rows hold is a tree
 _HALF = re.compile("[\ud800-\udfff]")
 """Half of a character, as Python has a byte that is not UTF-8."""
 
