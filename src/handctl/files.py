@@ -281,16 +281,16 @@ class Spool:
         import tempfile
 
         self.folder = tempfile.gettempdir()
-        self._file = tempfile.TemporaryFile("w+", encoding="utf-8", errors="surrogatepass", newline="\n")  # noqa: SIM115 - as long as it is used
+        self._file = tempfile.TemporaryFile()  # noqa: SIM115 - as long as it is used
 
     def take(self, lines: Iterable[str]) -> None:
         """Append them; what came before an error stays."""
         with writing(self.folder, hint="make room there, or choose --format ndjson, which needs none"):
             for line in lines:
-                self._file.write(line + "\n")
+                self._file.write(f"{line}\n".encode("utf-8", "surrogatepass"))
 
-    def lines(self) -> Iterator[str]:
-        """All of them."""
+    def blocks(self) -> Iterator[str]:
+        """All of them, some at once, each with its line end."""
         self._file.seek(0)
-        for line in self._file:
-            yield line.removesuffix("\n")
+        while block := self._file.read(1 << 16) + self._file.readline():
+            yield block.decode("utf-8", "surrogatepass")

@@ -15,6 +15,7 @@ SIZE = 32_000_000
 GOAL = 20.0
 MOST_MEGABYTES = 40.0
 """Of memory, however long the transcript is."""
+FORMATS = ("table", "json", "ndjson", "csv", "plain")
 PLAIN = """
 import sys, time
 start, count = time.process_time(), 0
@@ -57,11 +58,13 @@ def run(*, quick: bool) -> Iterator[Figure]:
             head, _, rest = file.read_text(encoding="utf-8").partition("\n")
             file.write_text(f"{head}\n" + rest * max(1, size // len(rest)), encoding="utf-8")
             plain = float(subprocess.check_output([sys.executable, "-c", PLAIN, str(file)]))
-            before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-            handctl("trace", "show", str(file), "-o", str(Path(folder) / "shown"))
-            taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
             note = f"{file.stat().st_size / 1e6:.0f} MB; user time of the whole process"
-            yield Figure(f"trace show, {name}", taken, plain, "s", GOAL, note, "plain loop")
+            for how in FORMATS:
+                before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+                handctl("trace", "show", str(file), "--format", how, "-o", str(Path(folder) / "shown"))
+                taken = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+                shown = f"trace show --format {how}, {name}" if how != "table" else f"trace show, {name}"
+                yield Figure(shown, taken, plain, "s", GOAL, note, "plain loop")
             words = [HANDCTL, "trace", "show", str(file), "--json", "-o", str(Path(folder) / "json")]
             peak = peak_kilobytes(words) / 1024
             yield Figure(

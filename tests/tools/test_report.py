@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import os
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from handctl import report as report_private
-from handctl.charts.curves import Curve, curves, draw
+from handctl.charts.curves import MOST_PLACES, Curve, curves, draw
 from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.param import Param, ParamMap
 from handctl.model.result import Cell, Grid, Message, Sample
-from handctl.report import LONGEST, environment, explained, port, shortened
+from handctl.report import LONGEST, Recorded, environment, explained, port, shortened
 from handctl.report.html import Report, page
 from handctl.report.redaction import Privacy
 from handctl.tools import port_inventory
@@ -175,6 +176,16 @@ def test_a_long_recording_loses_its_middle() -> None:
     assert list(shortened(lines[:100])) == lines[:100]
 
 
+def test_a_recording_of_any_length_takes_no_more_memory_and_ends_the_same() -> None:
+    """What is no longer there would have been left out."""
+    lines = [f"{number:06d} {'x' * 93}" if number % 3 else "#   a remark" for number in range(9000)]
+    recorded = Recorded(LONGEST)
+    for line in lines:
+        recorded.append(line)
+    assert sum(map(len, recorded)) < 2 * LONGEST + 200 < sum(map(len, lines))
+    assert list(shortened(list(recorded), LONGEST, recorded.left_out)) == list(shortened(lines))
+
+
 # -- curves ---------------------------------------------------------------------------------------------------------
 
 
@@ -183,6 +194,23 @@ def sampled(*values: object, **more: object) -> list[Sample]:
         Sample(number * 0.1, ({"name": "p", "finger": "index", "value": value, **more},))
         for number, value in enumerate(values)
     ]
+
+
+def test_a_long_watch_keeps_the_lowest_and_the_highest_of_some_moments_at_once() -> None:
+    """However long it is; a hole that nobody would see is none, one that is seen stays."""
+    found, values = Curve("p"), [number * 7919 % 1000 for number in range(100_000)]
+    for number, value in enumerate(values):
+        found.add(number, value, value, value)
+        if number % 2:
+            found.hole()
+    (places, _) = found.runs
+    starts = [*(int(t) for t, _, _ in places), len(values)]
+    assert len(places) <= MOST_PLACES < 2.1 * len(places)
+    assert [place[1:] for place in places] == [
+        (min(some), max(some)) for some in (values[start:end] for start, end in pairwise(starts))
+    ]
+    found.add(200_000, 5, 5, 5)
+    assert [len(run) for run in found.runs] == [len(places), 1]
 
 
 def curve(*values: object, decimals: int = 0) -> Curve:

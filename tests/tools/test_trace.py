@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 from handctl.errors import UsageError
 from handctl.families import EXPLAIN_ORDER, FAMILIES
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
+from handctl.model.result import Column
+from handctl.screen.csv_output import csv_cell, csv_lines
 from handctl.screen.render import dumps
 from handctl.tools import trace, trace_reader
 from handctl.tools.trace import Given, parse_given
@@ -20,6 +22,7 @@ from handctl.tools.trace_reader import TranscriptReader, TranscriptRow, chosen, 
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.places import TRANSCRIPTS
+from tests.support.screen import screen
 
 
 def told(family: str, *lines: str) -> list[TranscriptRow]:
@@ -538,9 +541,23 @@ def test_the_quick_json_of_a_row_is_that_of_the_row(kind: str, tmp_path: Path) -
     trace = tmp_path / "t.txt"
     run(kind, "dump", "-p", f"fake://{kind}?clock=virtual", "--trace", trace)
     with trace_reader.opened(str(trace)) as source:
-        rows = [*trace_reader.TranscriptReader(kind).tell(trace_reader.lines_of(source, "t"))]
+        lines = [*trace_reader.lines_of(source, "t")]
+    rows = [
+        row for row in trace_reader.TranscriptReader(kind).tell(lines * 2) if not row.comment
+    ]  # the second time kept
     assert len(rows) > 2
     assert [row.as_json() for row in rows] == [dumps(row.as_row()) for row in rows]
+    columns = tuple(map(Column, ("t", "line", "direction", "round_trip_ms", "problem", "bytes", "meaning")))
+    quick = "".join(row.as_line(",", csv_cell) + "\r\n" for row in rows)
+    assert quick == csv_lines(columns, [row.as_row() for row in rows], str, header=False, with_errors=False)
+
+
+def test_a_csv_file_of_a_transcript_is_written_from_a_terminal_too(tmp_path: Path) -> None:
+    """Nothing is drawn meanwhile: there is no device that a live view could name."""
+    trace, out = tmp_path / "t.txt", tmp_path / "out.csv"
+    trace.write_text("0.5 > EB 90 01 04 11 0A 06 4D 73\n")
+    done = screen("trace", "show", str(trace), "--family", "exo", "--csv", "-o", str(out))
+    assert (done.code, done.data, len(out.read_text().splitlines())) == (0, "", 3)  # header, request, no reply
 
 
 @each_row("name", ["ndjson", "csv", "plain"])

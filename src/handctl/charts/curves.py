@@ -75,6 +75,8 @@ FINEST = 8
 FINEST_PART = 0.01
 """The same where the digits do not tell the step: part of the largest value."""
 MOST_LABELS = 3
+MOST_PLACES = 2048
+"""Of a curve, several times the pixels of its picture; what is longer has the lowest and highest value of some moments at once."""
 PARTS = ("finger", "element", "motor")
 
 Place = tuple[float, float, float]
@@ -98,15 +100,40 @@ class Curve:
         self.decimals = decimals
         self.labels: dict[str, None] = {}
         self.runs: list[list[Place]] = [[]]
+        self._places, self._step = 0, 0.0
         self.count = self.failed = 0
         self.low = self.high = self.last = float("nan")
 
     def add(self, t: float, low: float, high: float, last: float, count: int = 1) -> None:
         """The values of a moment, of which there were `count`."""
-        self.runs[-1].append((t, low, high))
+        self._put(t, low, high)
+        if self._places > MOST_PLACES:
+            self._widen(t)
         self.low, self.high = (min(self.low, low), max(self.high, high)) if self.count else (low, high)
         self.count += count
         self.last = last
+
+    def _put(self, t: float, low: float, high: float) -> None:
+        """A place of its own, or part of the last one where both are as good as at one moment."""
+        before = self.runs[-1] or self.runs[len(self.runs) > 1 and -2]
+        apart = t // self._step - before[-1][0] // self._step if self._step and before else 2.0
+        if apart <= 1 and not self.runs[-1]:
+            self.runs.pop()  # a hole that nobody would see
+        if apart < 1:
+            start, lowest, highest = before[-1]
+            before[-1] = start, min(low, lowest), max(high, highest)
+        else:
+            self.runs[-1].append((t, low, high))
+            self._places += 1
+
+    def _widen(self, t: float) -> None:
+        """Half as many places, up to `t`: however long a watch is, it needs no more memory."""
+        self._step = max(2 * self._step, 2 * t / MOST_PLACES)
+        runs, self.runs, self._places = self.runs, [[]], 0
+        for run in runs:
+            self.hole()
+            for place in run:
+                self._put(*place)
 
     def hole(self) -> None:
         """The curve does not go on from here to the next value."""
@@ -164,17 +191,37 @@ class Curve:
 
 def curves(samples: Iterable[Sample], decimals: Mapping[str, int]) -> dict[str, list[Curve]]:
     """Quantity -> its elements' curves, in the order of the rows."""
-    found: dict[tuple[str, str], Curve] = {}
+    found = Curves(decimals)
     for sample in samples:
+        found.take(sample)
+    return found.groups
+
+
+class Curves:
+    """The curves of a stream of any length. `count`: of its samples; `seconds`: of the last one."""
+
+    def __init__(self, decimals: Mapping[str, int]) -> None:
+        self._decimals = decimals
+        self._found: dict[tuple[str, str], Curve] = {}
+        self.count, self.seconds = 0, 0.0
+
+    def take(self, sample: Sample) -> None:
+        """The rows of a moment."""
+        self.count, self.seconds = self.count + 1, sample.t
         for row in sample.rows:
             name, part = str(row["name"]), " ".join(str(row[key]) for key in PARTS if row.get(key))
-            if (name, part) not in found:
-                found[name, part] = Curve(name, part, str(row.get("unit") or ""), decimals.get(name, 0))
-            found[name, part].take(sample.t, row)
-    groups: dict[str, list[Curve]] = {}
-    for curve in found.values():
-        groups.setdefault(curve.name, []).append(curve)
-    return groups
+            if (name, part) not in self._found:
+                unit = str(row.get("unit") or "")
+                self._found[name, part] = Curve(name, part, unit, self._decimals.get(name, 0))
+            self._found[name, part].take(sample.t, row)
+
+    @property
+    def groups(self) -> dict[str, list[Curve]]:
+        """Quantity -> its elements' curves, in the order of the rows."""
+        groups: dict[str, list[Curve]] = {}
+        for curve in self._found.values():
+            groups.setdefault(curve.name, []).append(curve)
+        return groups
 
 
 def unchanged(curves: Iterable[Curve], words: Collection[str] = ()) -> str:

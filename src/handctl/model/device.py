@@ -387,7 +387,8 @@ class Device(ABC):
         if error is not None or value is None:
             row |= {"error": error.text if error is not None else "not read", "unit": param.unit}
             return {**row, "path": element.path}
-        row = {**row, **self.value_keys(reading), "path": element.path}
+        row |= self.value_keys(reading)
+        row["path"] = element.path
         if self.product:
             self.about.setdefault("model", self.product)
         if (scale := param.scale) is not None:

@@ -47,6 +47,10 @@ class LazySequence(Sequence[T], Generic[T]):
             self._made = tuple(self._make())
         return self._made
 
+    def texts(self, say: Callable[[T], str]) -> Iterable[str]:
+        """What `say` says of each."""
+        return map(say, self)
+
     def __iter__(self) -> Iterator[T]:
         return iter(self._all())
 
@@ -70,9 +74,9 @@ class LazySequence(Sequence[T], Generic[T]):
         return repr(self._all())
 
 
-@fast_dataclass(frozen=True, kw_only=True)
+@fast_dataclass(kw_only=True)
 class ExplainedBytes:
-    """A frame, or bytes that belong to none.
+    """A frame, or bytes that belong to none. Never changed: where a recording says the same again, it is the same one.
 
     direction  "host" or "device": who sent it
     raw        its bytes; on CAN the data of the frame `can_id`. All pieces of a direction joined are all its bytes
@@ -85,6 +89,7 @@ class ExplainedBytes:
     fields     family fields for scripts: id, flag, address, command …
     values     the numbers in it
     parts      all its bytes, field by field; of a JSON object its keys, without bytes
+    kept       what is made of one that comes again, by its use; None for others
     """
 
     direction: str
@@ -99,6 +104,13 @@ class ExplainedBytes:
     fields: Mapping[str, int | str | None] = field(default_factory=dict)
     values: Sequence[Value] = ()
     parts: Sequence[Part] = ()
+    kept: dict[str, Any] | None = None
+
+    def keyed(self, *, asks: str = "", answers: str = "") -> ExplainedBytes:
+        """The same as another request or answer, with all that is kept of it."""
+        same = object.__new__(ExplainedBytes)
+        vars(same).update(vars(self), asks=asks, answers=answers)
+        return same
 
 
 class Explainer(Protocol):

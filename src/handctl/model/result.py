@@ -273,11 +273,15 @@ class Grid(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """One moment of a stream: `t` in seconds since its start, the rows read then, and the time of day in seconds since 1970."""
+    """One moment of a stream: `t` in seconds since its start, the rows read then, and the time of day in seconds since 1970.
+
+    text  in place of the rows: they are in the format that was chosen
+    """
 
     t: float
     rows: tuple[Row, ...]
     wall: float | None = None
+    text: str = ""
 
     @property
     def time(self) -> str | None:
@@ -315,7 +319,7 @@ class Table:
     cards     device -> what makes its own table, where rows are of several devices: the live view draws each as a card
     pictures  rows -> grids that the live view draws in place of a line for each row; the first that fits the window
     extra     further keys of the JSON envelope, e.g. the raw blocks of a dump
-    spool     lines in place of `rows` and `text`, where there may be more of them than memory holds: JSON of rows, else the text
+    spool     lines, some at once, in place of `rows` and `text`, where memory may not hold all: JSON of rows, else the text
     """
 
     rows: list[Row] = field(default_factory=list)

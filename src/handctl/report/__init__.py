@@ -10,15 +10,16 @@ import contextlib
 import hashlib
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from importlib import metadata
-from itertools import accumulate, groupby
+from itertools import accumulate, chain, groupby
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from handctl import __version__
-from handctl.charts.curves import curves, outline_svg
+from handctl.charts.curves import Curves, outline_svg
 from handctl.command import get_set_watch
 from handctl.command.family import load
 from handctl.errors import (
@@ -37,7 +38,7 @@ from handctl.link.transcript import TraceWriter, observed, parse
 from handctl.model.device_picture import outline_of
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer
 from handctl.model.param import ParamMap
-from handctl.model.result import Column, Grid, Message, Row, Sample, Table
+from handctl.model.result import Column, Grid, Message, Row, Table
 from handctl.report.html import Report, page
 from handctl.report.redaction import REDACTED, Privacy
 from handctl.screen.render import default_view
@@ -69,15 +70,49 @@ class RequestedOptions:
     longest: int = LONGEST
 
 
+class Recorded:
+    """The lines of a tap: all, or the beginning and the end, each of at least the characters that a page takes.
+
+    `left_out` counts what was recorded between.
+    """
+
+    def __init__(self, longest: int) -> None:
+        self._longest = self._room = longest
+        self._kept = 0
+        self._first: list[str] = []
+        self._last: deque[str] = deque()
+        self.left_out = 0
+
+    def append(self, line: str) -> None:
+        """One more."""
+        if self._room > 0:
+            self._first.append(line)
+            self._room -= len(line)
+            return
+        self._last.append(line)
+        self._kept += len(line)
+        while self._kept - len(self._last[0]) >= self._longest:
+            left_out = self._last.popleft()
+            self._kept -= len(left_out)
+            self.left_out += _recorded(left_out)
+
+    def precede(self, lines: Sequence[str]) -> None:
+        """What was recorded before."""
+        self._first[:0] = lines
+
+    def __iter__(self) -> Iterator[str]:
+        return chain(self._first, self._last)
+
+
 class Visit:
     """One conversation with a device for one page: what was recorded, what went wrong, whether asking on makes sense."""
 
     def __init__(
-        self, run: Run, params: ParamMap[Any], wishes: RequestedOptions, lines: list[str] | None = None
+        self, run: Run, params: ParamMap[Any], wishes: RequestedOptions, lines: Recorded | None = None
     ) -> None:
         """`lines`: what was recorded before, to which the rest is added."""
         self.run, self.params, self.wishes = run, params, wishes
-        self.lines: list[str] = [] if lines is None else lines
+        self.lines = Recorded(wishes.longest) if lines is None else lines
         self.problems: list[tuple[str, HandctlError]] = []
         self.over = False
         self.identity: dict[str, str] = {}
@@ -162,28 +197,28 @@ class Visit:
         setattr(self.content, part, _grids(table))
         self.content.data[part] = table.rows
 
-    def watch(self) -> list[Sample]:
-        """Curves of what changes."""
-        return self.attempt("watch", self._watch) or []
+    def watch(self) -> int:
+        """Curves of what changes; the number of samples."""
+        return self.attempt("watch", self._watch) or 0
 
-    def _watch(self) -> list[Sample]:
+    def _watch(self) -> int:
         run, content = self.run, self.content
         table = get_set_watch.watch(run, self.params, (), rate=RATE_HZ, count=None, duration=self.wishes.watch)
-        samples: list[Sample] = []
+        seen = Curves(table.decimals)
         run.prompts.progress(f"watching for {self.wishes.watch:g} s")
         try:
             for sample in table.samples or ():
-                samples.append(sample)  # noqa: PERF402 - what came before an error is kept
+                seen.take(sample)  # what came before an error is kept
         except HandctlError as exc:
             self.failed("watch", exc)
         run.prompts.done()
-        content.curves = curves(samples, table.decimals)
+        content.curves = seen.groups
         content.words = table.flags | {param.name for param in self.params if param.choices}
-        content.seconds = samples[-1].t if samples else 0.0
+        content.seconds = seen.seconds
         stream = table.summary()["stream"] if table.summary is not None else {}
         rate = f", true rate {stream['rate_hz']:g} Hz" if stream.get("rate_hz") else ""
-        content.watched = f"{plural(len(samples), 'sample')} in {content.seconds:.1f} s{rate}."
-        return samples
+        content.watched = f"{plural(seen.count, 'sample')} in {content.seconds:.1f} s{rate}."
+        return seen.count
 
     def _explain_silence(self) -> None:
         """Whether a device that never answered is there in another way (another speed), as every command would say."""
@@ -232,9 +267,9 @@ class Visit:
             {"name": curve.name, "part": curve.part or None, "unit": curve.unit or None, "min": curve.low, "max": curve.high, "last": curve.last}
             for group in content.curves.values() for curve in group if curve.count
         ]  # fmt: skip
-        passed = any(not line.startswith("#") for line in self.lines)
+        passed = any(map(_recorded, self.lines))
         told = explained(self.lines, content.kind, privacy)
-        content.transcript = list(shortened(list(told), self.wishes.longest)) if passed else []
+        content.transcript = list(shortened(list(told), self.wishes.longest, self.lines.left_out)) if passed else []
         reason = "not read, see above" if self.problems else "nothing to show"
         content.missing = {"Status": reason, "Dump": reason, "Transcript": "no byte passed"}
         content.missing["Watch"] = reason if self.problems else "none was asked for (--watch 0)"
@@ -359,14 +394,21 @@ def _comments(pieces: Iterable[ExplainedBytes], privacy: Privacy) -> Iterator[st
         yield f"#   {'host' if piece.direction == HOST else 'device'}: {' '.join(text.split())}{problem}"
 
 
-def shortened(lines: list[str], longest: int = LONGEST) -> Iterator[str]:
-    """All lines, or the beginning and the end of them with what lies between counted."""
+def shortened(lines: list[str], longest: int = LONGEST, more: int = 0) -> Iterator[str]:
+    """All lines, or the beginning and the end of them with what was recorded between counted, `more` of it no longer there."""
     total = sum(map(len, lines))
     passed = list(accumulate(map(len, lines)))
     kept = [total <= longest or not longest * 3 // 4 < place <= total - longest // 4 for place in passed]
     for keep, group in groupby(zip(kept, lines, strict=True), key=lambda pair: pair[0]):
         some = [line for _, line in group]
-        yield from some if keep else [f"# {len(some)} lines left out: --trace FILE keeps them all"]
+        yield from (
+            some if keep else [f"# {sum(map(_recorded, some)) + more} lines left out: --trace FILE keeps them all"]
+        )
+
+
+def _recorded(line: str) -> bool:
+    """Whether a trace would have it: it is none of our remarks."""
+    return not line.startswith("#")
 
 
 # -- this computer: no user, no host name, no folder ------------------------------------------------------------------

@@ -39,6 +39,11 @@ def text_of(value: Any) -> str:
     return str(value)
 
 
+def csv_cell(text: str) -> str:
+    """A printable text as a cell, as `csv.writer` has it, which looks at each character by itself."""
+    return '"' + text.replace('"', '""') + '"' if "," in text or '"' in text else text
+
+
 def csv_lines(
     columns: Sequence[Column], rows: Sequence[Row], guard: Callable[[str], str], *, header: bool, with_errors: bool
 ) -> str:

@@ -192,13 +192,13 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     moment: Row = {"time": context.envelope(failure)["time"]} if context.settings.time else {}
     rows = [{**moment, **row} for row in rows] if moment else rows
     extra = table.extra if table is not None else {}
-    lines = table.spool() if table is not None and table.spool is not None else map(dumps, rows)
+    blocks = table.spool() if table is not None and table.spool is not None else (f"{dumps(row)}\n" for row in rows)
     if how == "json":
-        for piece in _json_envelope(context.envelope(failure, extra), lines):
+        for piece in _json_envelope(context.envelope(failure, extra), blocks):
             sink.write(piece)
     elif how == "ndjson":
-        for line in lines:
-            sink.write(line + "\n")
+        for block in blocks:
+            sink.write(block)
         sink.write(dumps(context.closing(failure, extra)) + "\n")
     elif how == "openmetrics":
         from handctl.screen import openmetrics
@@ -218,8 +218,8 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         for row in rows:
             sink.write(_plain_line(table, _row_shown(row), tuple(moment)))
     elif table.spool is not None:
-        for line in lines:
-            sink.write(text_shown(line + "\n"))
+        for block in blocks:
+            sink.write(text_shown(block))
     elif table.text is not None:
         sink.write(text_shown(table.text(rows)))
     else:
@@ -347,7 +347,7 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink,
     columns = (*([Column("time")] if clock else []), Column("t", "Time", right=True, unit="s"), *table.columns)
     widths = [max(len(column.heading), 9 if column.key == "t" else 6) for column in columns]
     for sample in samples:
-        lines: list[str] = []
+        lines = [sample.text]
         for row in sample.stamped(clock):
             if how in ("json", "ndjson"):
                 lines.append(dumps(row) + "\n")
@@ -378,7 +378,7 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink,
 # -- data formats -------------------------------------------------------------------------------------------------
 
 
-_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)
+_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, check_circular=False)  # what rows hold is a tree
 _HALF = re.compile("[\ud800-\udfff]")
 """Half of a character, as Python has a byte that is not UTF-8."""
 
@@ -398,7 +398,7 @@ def _row_shown(row: Row) -> Row:
     return {key: value_shown(value) for key, value in row.items()}
 
 
-def _json_envelope(envelope: dict[str, Any], rows: Iterable[str]) -> Iterator[str]:
+def _json_envelope(envelope: dict[str, Any], blocks: Iterable[str]) -> Iterator[str]:
     """One object; a key a line and a row a line, so that people and `grep` can read it too."""
     yield "{\n"
     for key, value in envelope.items():
@@ -406,8 +406,8 @@ def _json_envelope(envelope: dict[str, Any], rows: Iterable[str]) -> Iterator[st
             yield f"  {dumps(key)}: {dumps(value)},\n"
     yield '  "rows": ['
     before = "\n    "
-    for row in rows:  # the sink joins them: by size, as a row of one family is as long as a hundred of another
-        yield before + row
+    for block in blocks:  # the sink joins them: by size, as a row of one family is as long as a hundred of another
+        yield before + block[:-1].replace("\n", ",\n    ")
         before = ",\n    "
     yield "],\n" if before == "\n    " else "\n  ],\n"
     yield f'  "messages": {dumps(envelope["messages"])},\n  "counters": {dumps(envelope["counters"])}\n}}\n'

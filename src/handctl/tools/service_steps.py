@@ -37,7 +37,7 @@ from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING, Check, t
 from handctl.model.check_rows import view as checks_view
 from handctl.model.param import ParamMap
 from handctl.model.result import Cell, Column, Grid, Row, Table
-from handctl.report import DATA, RequestedOptions, Visit, refuse
+from handctl.report import DATA, Recorded, RequestedOptions, Visit, refuse
 from handctl.screen.render import default_view
 from handctl.tools import doctor
 from handctl.tools.doctor_link import CHECKS
@@ -123,7 +123,7 @@ class Service:
         self.steps: dict[str, Row] = {}
         self.more: dict[str, Any] = {}
         self.followed: list[Row] = []
-        self.lines: list[str] = []
+        self.lines = Recorded(LONGEST)
         self.tap = TraceWriter(lambda text: self.lines.append(text.rstrip("\n")))
         self.hints: dict[str, str] = {}
         """Step -> its own most urgent next step."""
@@ -155,7 +155,7 @@ class Service:
             told["complaint"] = told["complaint"] or ask("What is the complaint? Press Enter to skip.")
             told["ticket"] = told["ticket"] or ask("What is the number of the ticket? Press Enter to skip.")
         self.find(before)
-        self.lines[:0] = recorded
+        self.lines.precede(recorded)
         actions: dict[str, Callable[[], Iterable[Check]]] = {
             "doctor": self.doctor, "status": self.status, "diagnose": self.diagnose, "watch": self.watch, "dump": self.dump,
         }  # fmt: skip
@@ -353,8 +353,8 @@ class Service:
         """Errors, and the range of each value."""
         counters = self.run.journal.counters
         before = counters.retries, counters.bad_frames, counters.stray_bytes
-        samples = self.visit.watch()
-        if not samples:
+        count = self.visit.watch()
+        if not count:
             return
         errors = [
             now - then
@@ -366,7 +366,7 @@ class Service:
         ]
         if len(ranges) > SHOWN:
             ranges[SHOWN:] = [f"and {len(ranges) - SHOWN} more"]
-        seen = f"{plural(len(samples), 'sample')}, {errors[0]} retries, {errors[1]} bad frames, {errors[2]} stray bytes"
+        seen = f"{plural(count, 'sample')}, {errors[0]} retries, {errors[1]} bad frames, {errors[2]} stray bytes"
         changed = f"changed: {', '.join(ranges)}" if ranges else "no value changed"
         assert self.run.family is not None
         remedy = Hint("run {}", f"{self.run.family.kind} doctor") if any(errors) else ""

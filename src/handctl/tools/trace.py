@@ -18,8 +18,11 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
+from handctl.model.command_settings import Settings
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Value
 from handctl.model.result import Cell, Column, Grid, Row, Sample, Table, hex_bytes
+from handctl.screen.csv_output import csv_cell
+from handctl.screen.sanitize import no_formula
 from handctl.tools.trace_reader import (
     FAMILY_EVENT,
     Stamp,
@@ -175,7 +178,7 @@ def _shown(value: Value | None) -> str:
 # -- the commands --------------------------------------------------------------------------------------------------
 
 
-AT_ONCE = 20
+AT_ONCE = 100
 """Rows of a recorded file that are handed on together."""
 MOST_DIFFERENCES = 10_000
 """Differences that are shown; those beyond are counted."""
@@ -328,9 +331,12 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
             hint="write a regular expression, with \\ before . * + ( ) for the literal character",
         ) from exc
 
+    if only is None and wanted is None:
+        return lambda _: True
+
     def matches(row: TranscriptRow) -> bool:
         if row.comment:
-            return only is None and wanted is None
+            return False
         if only is not None and not row.problem:
             return False
         return wanted is None or bool(wanted.search(row.meaning) or (row.piece and wanted.search(wire(row.piece))))
@@ -347,29 +353,45 @@ def _collected(run: Run, told: _TranscriptPrinter, matches: Callable[[Transcript
         spool.take(row.as_json() for row in told.rows(run) if not row.comment and matches(row))
     except UsageError as exc:
         failure = exc
-    return Table(spool=spool.lines, failure=failure, extra=told.extra)
+    return Table(spool=spool.blocks, failure=failure, extra=told.extra)
 
 
 def _streamed(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> Table:
     # Each sample is flushed: of a file several rows are one, what comes on stdin is shown as it comes.
-    at_once = AT_ONCE if run.settings.format == "ndjson" and told.path != "-" else 1
+    at_once = AT_ONCE if told.path != "-" else 1
+    head, text_of_row = _texts(run.settings)
 
     def samples() -> Iterator[Sample]:
-        some: list[Row] = []
+        some = [head]
         try:
             for row in told.rows(run):
                 if not row.comment and matches(row):
-                    some.append({"t": None, **row.as_row()})
-                    if len(some) >= at_once:
-                        yield Sample(0.0, tuple(some))
-                        some = []
+                    some.append(text_of_row(row))
+                    if len(some) > at_once:
+                        yield Sample(0.0, (), text="".join(some))
+                        some = [""]
         except UsageError:
-            yield from [Sample(0.0, tuple(some))] if some else ()
+            yield from [Sample(0.0, (), text="".join(some))] if len(some) > 1 else ()
             raise
-        yield from [Sample(0.0, tuple(some))] if some else ()
+        yield from [Sample(0.0, (), text="".join(some))] if len(some) > 1 else ()
 
-    columns = tuple(Column(key) for key in ("line", "direction", "round_trip_ms", "problem", "bytes", "meaning"))
-    return Table(samples=samples(), columns=columns, summary=lambda: told.extra)
+    return Table(samples=samples(), live=False, summary=lambda: told.extra)
+
+
+COLUMNS = ("t_s", "line", "direction", "round_trip_ms", "problem", "bytes", "meaning")
+
+
+def _texts(settings: Settings) -> tuple[str, Callable[[TranscriptRow], str]]:
+    """What stands before all rows, and what makes one of them text: millions take no way round by dicts."""
+    if settings.format == "ndjson":
+        begin = '{"time": null, ' if settings.time else "{"
+        return "", lambda row: row.as_json(begin, '"t": null, ', "}\n")
+    if settings.format == "plain":
+        begin = "\t" if settings.time else ""
+        return "", lambda row: begin + row.as_line("\t", str) + "\n"
+    begin, guard = "," if settings.time else "", no_formula if settings.no_formulas else str
+    head = ",".join((*(["time"] if settings.time else ()), *COLUMNS)) + "\r\n"
+    return head, lambda row: begin + row.as_line(",", lambda text: csv_cell(guard(text))) + "\r\n"
 
 
 def _write_text(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> None:

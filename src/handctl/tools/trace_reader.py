@@ -10,7 +10,7 @@ import io
 import sys
 import textwrap
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
@@ -25,7 +25,7 @@ from handctl.errors import UsageError
 from handctl.families import EXPLAIN_ORDER, FAMILIES
 from handctl.fast_classes import fast_dataclass
 from handctl.link.transcript import DIRECTIONS, Entry, parse_line
-from handctl.model.explainer import HOST, SIDES, ExplainedBytes, Explainer
+from handctl.model.explainer import HOST, SIDES, ExplainedBytes, Explainer, LazySequence, Value
 from handctl.model.result import RoundTrips, Row
 from handctl.screen.render import dumps
 from handctl.wording import plural
@@ -182,11 +182,9 @@ class TranscriptRow:
     @property
     def problem(self) -> str:
         """Code of what is wrong here, "" = nothing."""
-        if self.unanswered is not None:
-            return "no-answer"
         if self.piece is not None and self.piece.problem:
             return self.piece.problem
-        return "unasked" if self.unasked else ""
+        return "no-answer" if self.unanswered is not None else "unasked" if self.unasked else ""
 
     @property
     def meaning(self) -> str:
@@ -203,6 +201,11 @@ class TranscriptRow:
             return "unanswered"
         return "event" if self.piece is None else "frame" if self.piece.frame else "stray"
 
+    @property
+    def bytes(self) -> str:
+        """As a transcript has them, "" for what has none."""
+        return "" if self.piece is None else wire(self.piece)
+
     def as_row(self) -> Row:
         """For JSON and CSV: the common keys and the family's own, without those that do not apply."""
         row, shown = self._keys(), self.piece or self.unanswered
@@ -210,27 +213,51 @@ class TranscriptRow:
             row["values"] = [{"name": name, "value": value, "unit": unit} for name, value, unit in shown.values]
         return row
 
-    def as_json(self) -> str:
-        """The same as JSON, for a recording of millions: an encoder of anything would take three times as long."""
-        piece = self.piece
-        shown = piece or self.unanswered
-        line, t = self.first.line, self.first.t
-        text = (
-            f'"line": {line}, "direction": {SIDE_TEXTS[None if shown is None else shown.direction]}, "kind": "{self.kind}", '
-            f'"bytes": "{"" if piece is None else wire(piece)}", "meaning": {encode_basestring(self.meaning)}, '
-            f'"problem": {_text(self.problem or None)}'
+    def as_line(self, between: str, say: Callable[[str], str]) -> str:
+        """The same for tables: time, line, direction, round trip in ms, problem, bytes, and what `say` makes of the meaning."""
+        shown, t, trip = self.piece or self.unanswered, self.first.t, self.round_trip
+        direction, trip_ms = (
+            "" if shown is None else shown.direction,
+            "" if trip is None else f"{round(trip * 1000, 3)}",
         )
+        cells = ("" if t is None else f"{t}", f"{self.first.line}", direction, trip_ms, self.problem, self.bytes)
+        return between.join((*cells, say(self.meaning)))
+
+    def as_json(self, begin: str = "{", no_time: str = "", end: str = "}") -> str:
+        """The same as JSON, for a recording of millions: an encoder of anything would take three times as long.
+
+        `begin` and `end` are around the keys, `no_time` stands in the place of its time where it has none.
+        """
+        piece, t, request, trip = self.piece, self.first.t, "", ""
+        kept = None if piece is None or self.unasked else piece.kept
+        if kept is None:
+            head, own = self._json_texts()
+        else:
+            if "json" not in kept:
+                kept["json"] = self._json_texts()
+            head, own = kept["json"]
         if self.request is not None:
-            text += f', "request_line": {self.request.line}'
-        if self.round_trip is not None:
-            text += f', "round_trip_ms": {_text(round(self.round_trip * 1000, 3))}'
+            request = f', "request_line": {self.request.line}'
+            if self.round_trip is not None:
+                trip = f', "round_trip_ms": {round(self.round_trip * 1000, 3)!r}'
+        stamp = no_time if t is None else f'"t": {t!r}, '
+        return f'{begin}{stamp}"line": {self.first.line}, {head}{request}{trip}{own}{end}'
+
+    def _json_texts(self) -> tuple[str, str]:
+        """The keys that every row has, but for its line; and those of its family."""
+        shown, own, problem = self.piece or self.unanswered, "", self.problem
         if shown is not None:
             for key, value in shown.fields.items():
                 if value is not None and key not in OWN:
-                    text += f', "{key}": {_text(printable(value) if isinstance(value, str) else value)}'
-            if shown.values:
-                text += f', "values": [{", ".join([_value_text(*value) for value in shown.values])}]'
-        return f"{{{text}}}" if t is None else f'{{"t": {_text(t)}, {text}}}'
+                    own += f', "{key}": {value if type(value) is int else _own_text(value)}'
+            values = shown.values
+            if values:
+                texts = values.texts(_value_text) if isinstance(values, LazySequence) else map(_value_text, values)
+                own += f', "values": [{", ".join(texts)}]'
+        return (
+            f'"direction": {SIDE_TEXTS[None if shown is None else shown.direction]}, "kind": "{self.kind}", '
+            f'"bytes": "{self.bytes}", "meaning": {_text(self.meaning)}, "problem": {_text(problem or None)}'
+        ), own
 
     def _keys(self) -> Row:
         """The row without its values, which are the last of it."""
@@ -238,7 +265,7 @@ class TranscriptRow:
         shown = piece or self.unanswered
         row: Row = {
             "line": self.first.line, "direction": None if shown is None else shown.direction, "kind": self.kind,
-            "bytes": "" if piece is None else wire(piece), "meaning": self.meaning, "problem": self.problem or None,
+            "bytes": self.bytes, "meaning": self.meaning, "problem": self.problem or None,
         }  # fmt: skip
         if self.first.t is not None:
             row = {"t": self.first.t, **row}
@@ -257,16 +284,27 @@ def _text(value: Any) -> str:
     """A value as JSON; texts are `printable`."""
     kind = type(value)
     if kind is str:
-        return encode_basestring(value)
+        return encode_basestring(value) if '"' in value or "\\" in value else f'"{value}"'
     if value is None:
         return "null"
     return repr(value) if kind is int or (kind is float and isfinite(value)) else dumps(value)
 
 
+@lru_cache(1024)
+def _own_text(value: str | int) -> str:
+    """What stands behind a key of a family."""
+    return _text(printable(value) if isinstance(value, str) else value)
+
+
+def _value_text(value: Value) -> str:
+    """One number of a frame as JSON."""
+    return _number_text(*value)
+
+
 @lru_cache(1 << 14, typed=True)
-def _value_text(name: str, value: float | str | None, unit: str | None) -> str:
-    """One number of a frame as JSON; a long recording says the same again and again. 1 and 1.0 are told apart."""
-    return f'{{"name": {dumps(name)}, "value": {dumps(value)}, "unit": {dumps(unit)}}}'
+def _number_text(name: str, value: float | str | None, unit: str | None) -> str:
+    """The same; a long recording says the same again and again. 1 and 1.0 are told apart."""
+    return f'{{"name": {_text(name)}, "value": {_text(value)}, "unit": {_text(unit)}}}'
 
 
 def wire(piece: ExplainedBytes) -> str:
@@ -387,12 +425,16 @@ class TranscriptReader:
         direction = DIRECTIONS[entry.mark]
         if entry.time is not None:
             statistics = self.statistics
-            statistics.start = entry.time if statistics.start is None else min(statistics.start, entry.time)
-            statistics.end = entry.time if statistics.end is None else max(statistics.end, entry.time)
-        if entry.can_id is None:
-            self._stamps[direction].append([len(entry.data), stamp])
+            if statistics.start is None or entry.time < statistics.start:
+                statistics.start = entry.time
+            if statistics.end is None or entry.time > statistics.end:
+                statistics.end = entry.time
+        stamps, size = self._stamps[direction], len(entry.data)
         pieces = self._explainer.feed(direction, entry.data, entry.can_id)
-        found = self._pieces(pieces, stamp if entry.can_id is not None else None)
+        whole = not stamps and len(pieces) == 1 and len(pieces[0].raw) == size and pieces[0].direction == direction
+        if entry.can_id is None and not whole:
+            stamps.append([size, stamp])
+        found = self._pieces(pieces, stamp if whole or entry.can_id is not None else None)
         if len(self._open) > OPEN_REQUESTS:
             found += self._given_up(OPEN_REQUESTS)
         return found
@@ -419,9 +461,6 @@ class TranscriptReader:
     def _span(self, piece: ExplainedBytes) -> tuple[Stamp, Stamp]:
         """Where the bytes of a piece were recorded: they are taken off the lines of their direction in order."""
         stamps, left = self._stamps[piece.direction], len(piece.raw)
-        if stamps and stamps[0][0] == left:  # a frame a line
-            first = stamps.popleft()[1]
-            return first, first
         first = last = stamps[0][1] if stamps else Stamp(None, 0)
         while left and stamps:
             last = stamps[0][1]

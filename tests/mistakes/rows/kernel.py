@@ -252,7 +252,7 @@ ROWS = (
         "JSON not UTF-8",
         RENDER,
         "",
-        "_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False)",
+        "_ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, check_circular=False)  # what rows hold is a tree",
         "_ENCODER = json.JSONEncoder(ensure_ascii=False)",
         "tests/kernel/test_sanitize.py::test_json_has_no_number_that_json_does_not_have",
     ),

@@ -103,7 +103,6 @@ def motors(prefix: str) -> Sequence[str]:
     return motors_of(motor_prefix(prefix) if prefix else "")
 
 
-@lru_cache(1024)
 def command_words(text: str) -> tuple[str, str]:
     """(meaning, problem) of a command line."""
     if not text:
@@ -144,7 +143,6 @@ def _with_unit(word: str, value: str) -> str:
     return _texts(param, (int(value),))
 
 
-@lru_cache(1024)
 def answer_words(text: str, found: Answer) -> tuple[str, Sequence[Value], str]:
     """(meaning, values, problem) of the data lines of an answer."""
     prefix, kind, words = split(text)
@@ -734,12 +732,7 @@ class BarrettExplainer:
             return stray(HOST, raw, f"not a command: {shown(raw)}")
         if not command and self._asked and self._came:
             return _piece(HOST, raw, "an empty line")  # to an answer that has already begun, e.g. behind a new speed
-        fields = {"command": command}
-        parts = (Part(raw[:-1], "command", command), Part(raw[-1:], "CR", ""))
-        key = self._expect(command)
-        meaning, problem = command_words(command)
-        values = LazySequence(lambda: _written(command))
-        return _piece(HOST, raw, meaning, problem=problem, asks=key, fields=fields, parts=parts, values=values)
+        return _command(command, raw).keyed(asks=self._expect(command))
 
     def simulated(self, values: Mapping[str, float | str], moments: Mapping[str, float]) -> Iterator[str]:
         """See Explainer: places, strain and temperature of the body; every other parameter goes to RAM."""
@@ -838,20 +831,8 @@ class BarrettExplainer:
         return self._take(_piece(DEVICE, came[:size], text, parts=line_parts(came[:size])))
 
     def _answer(self, asked: Asked, answer: Answer) -> ExplainedBytes:
-        raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
         self._flags.note(asked.command, answer)
-        meaning, values, problem = answer_words(asked.command, answer)
-        if asked.command.startswith(MARK) and answer.status == UNKNOWN_COMMAND:
-            meaning = "prompt: the hand is connected"
-        elif answer.status:
-            problem = "refused" if answer.status != 16384 else ""
-            status = f"ERR {answer.status}: {explain_status(answer.status)}"
-            meaning = f"{meaning}. {status}" if answer.lines else status
-        fields = {"command": asked.command, "status": answer.status}
-        return _piece(
-            DEVICE, raw, meaning, problem=problem, answers=asked.key, fields=fields, values=values,
-            title=f"reply to {asked.command}", parts=LazySequence(lambda: line_parts(raw)),
-        )  # fmt: skip
+        return _answer(asked.command, answer).keyed(answers=asked.key)
 
     def _entered(self, came: bytes, asked: Asked, place: int) -> list[ExplainedBytes]:
         """The echo of LOOP with the acknowledgement right after it (barrett §6.1)."""
@@ -881,6 +862,32 @@ class BarrettExplainer:
         asks = "monitor" if typed else ""
         offer = [_piece(HOST, typed, OFFER, asks=asks)] if typed else []
         return [*offer, self._take(_piece(DEVICE, b":", "the boot monitor is ready for a download", answers=asks))]
+
+
+@lru_cache(256)
+def _command(command: str, raw: bytes) -> ExplainedBytes:
+    """A command line; a recording holds few, each a thousand times."""
+    meaning, problem = command_words(command)
+    parts = (Part(raw[:-1], "command", command), Part(raw[-1:], "CR", ""))
+    values, fields = LazySequence(lambda: _written(command)), {"command": command}
+    return _piece(HOST, raw, meaning, problem=problem, fields=fields, parts=parts, values=values, kept={})
+
+
+@lru_cache(256)
+def _answer(command: str, answer: Answer) -> ExplainedBytes:
+    """Its answer."""
+    raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
+    meaning, values, problem = answer_words(command, answer)
+    if command.startswith(MARK) and answer.status == UNKNOWN_COMMAND:
+        meaning = "prompt: the hand is connected"
+    elif answer.status:
+        problem = "refused" if answer.status != 16384 else ""
+        status = f"ERR {answer.status}: {explain_status(answer.status)}"
+        meaning = f"{meaning}. {status}" if answer.lines else status
+    return _piece(
+        DEVICE, raw, meaning, problem=problem, fields={"command": command, "status": answer.status}, values=values,
+        title=f"reply to {command}", parts=LazySequence(lambda: line_parts(raw)), kept={},
+    )  # fmt: skip
 
 
 def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> ExplainedBytes:

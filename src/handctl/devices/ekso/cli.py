@@ -167,7 +167,7 @@ def _shown(run: Run, result: Exported, as_rows: bool) -> Table:
     run.journal.info("exported", f"{result.length} rows, {result.seconds:.3f} s")
     if not as_rows:  # --format names the file here; what the environment says of tables means nothing
         run.settings = run.settings._replace(format="table")
-    return Table(spool=result.spool.lines)
+    return Table(spool=result.spool.blocks)
 
 
 # -- reading ------------------------------------------------------------------------------------------------------

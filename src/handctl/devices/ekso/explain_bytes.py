@@ -11,9 +11,10 @@ which may be an echo, proves nothing.
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from functools import lru_cache
+from functools import cache, partial
+from operator import getitem
 
 from handctl.devices.ekso.frames import (
     EXCHANGES,
@@ -22,6 +23,7 @@ from handctl.devices.ekso.frames import (
     READS,
     Command,
     Decoder,
+    Exchange,
     Frame,
     crc,
     name_of,
@@ -35,6 +37,10 @@ from handctl.wording import plural
 
 LONGEST = max(size for row in EXCHANGES.values() for size in row.answers) + OVERHEAD + max(LENGTH_MODES.values())
 BYTES = {"time": ("hours", "minutes", "seconds"), "date": ("year - 2000", "month", "day")}
+WRITING = SET_VALUE, CANCEL_ACTION = int(Command.SET_VALUE), int(Command.CANCEL_ACTION)
+"""What is answered by a status word. As plain numbers: a recording has millions to compare, and an enum's members take their time."""
+MOST_KNOWN = 1024
+"""Numbers of a word that are remembered."""
 Explained = tuple[str, Sequence[Value], Sequence[Part]]
 """A body in words, its values, its parts."""
 
@@ -138,59 +144,69 @@ class EksoExplainer(Cutter):
             extra = f"{len(body)} body bytes, {' or '.join(map(str, sizes))} expected. CRC right: "
         elif direction == DEVICE and raw == self._asked:
             problem, extra = "echo", "our own bytes, or an acknowledgement without a body: "
+        elif direction == DEVICE and command in WRITING and not body:
+            problem, extra = "acknowledged", "no status, so not a success: "
         elif direction == DEVICE and _is_status(command, body) and body[1]:
             problem = "refused"
-        elif direction == DEVICE and not body and command in (Command.SET_VALUE, Command.CANCEL_ACTION):
-            problem, extra = "acknowledged", "no status, so not a success: "
         if frame:
             self._mode = cut.mode
         if direction == HOST:
             self._asked = raw
         key = f"{command} {msg_id}" if frame and problem != "echo" else ""
         answer = direction == DEVICE
-        more = LENGTH_MODES.get(cut.mode, 0)
-        counts = "" if not more else ", counts the whole frame" if more == OVERHEAD else f", counts {more} more"
         return ExplainedBytes(
             direction=direction, raw=raw, meaning=f"{extra}{words}", problem=problem, frame=frame, values=values,
-            title=problem if not frame else f"{name} {'answer' if answer else ''}".strip(),
+            title=problem if not frame else f"{name} answer" if answer else name,
             asks="" if answer else key, answers=key if answer else "",
             fields={"command": command, "name": name, "msg_id": msg_id, "length_mode": cut.mode},
-            parts=LazySequence(lambda: (
-                Part(raw[:1], "command", f"{command} {name}{', answer' if answer else ''}"),
-                Part(raw[1:2], "length", f"{len(body)} body bytes{counts}"),
-                Part(raw[2:4], "msgID", str(msg_id)), *parts, Part(raw[-2:], "CRC", f"wrong, should be {crc(raw[:-2]):04X}" if crc(raw) else "right"),
-            )),
+            parts=LazySequence(lambda: _parts(raw, cut.mode, answer, parts)),
         )  # fmt: skip
 
 
-def _sizes(command: int, side: str) -> set[int]:
+def _parts(raw: bytes, mode: str, answer: bool, inner: Sequence[Part]) -> Iterator[Part]:
+    """A frame field by field, around the parts of its body."""
+    more = LENGTH_MODES.get(mode, 0)
+    counts = "" if not more else ", counts the whole frame" if more == OVERHEAD else f", counts {more} more"
+    yield Part(raw[:1], "command", f"{raw[0]} {name_of(raw[0])}{', answer' if answer else ''}")
+    yield Part(raw[1:2], "length", f"{len(raw) - OVERHEAD} body bytes{counts}")
+    yield Part(raw[2:4], "msgID", str(int.from_bytes(raw[2:4], "big")))
+    yield from inner
+    yield Part(raw[-2:], "CRC", f"wrong, should be {crc(raw[:-2]):04X}" if crc(raw) else "right")
+
+
+@cache
+def _sizes(command: int, side: str) -> frozenset[int]:
     """Body sizes that a command may have, sent by `side` ("" = either)."""
     row = EXCHANGES[command]
     own = {row.asks} if row.asks is not None else {*row.answers}
-    return own if side == HOST else {0, *row.answers, *own}
+    return frozenset(own if side == HOST else {0, *row.answers, *own})
 
 
 def _reply(raw: bytes) -> bool:
     """A CancelAction of two bytes is a request with a word other than 0, an answer with a status of 0 to 3."""
-    if raw[0] != Command.CANCEL_ACTION or len(raw) != OVERHEAD + 2:
+    if raw[0] != CANCEL_ACTION or len(raw) != OVERHEAD + 2:
         return EXCHANGES[raw[0]].asks is None
     return raw[4:6] in (b"\0\0", b"\0\2", b"\0\3") or (raw[5] == 1 and raw[4] > 1)
 
 
 def _is_status(command: int, body: bytes) -> bool:
     """Whether the body of an answer is a status word."""
-    return command in (Command.SET_VALUE, Command.CANCEL_ACTION) and len(body) == 2
+    return command in WRITING and len(body) == 2
 
 
 def _told(direction: str, command: int, body: bytes) -> Explained:
-    row, shown = EXCHANGES[command], body.hex(" ").upper()
-    plain = [Part(body, "command word" if command == Command.CANCEL_ACTION else "body", "")] if body else []
+    row = EXCHANGES[command]
+    words = MESSAGES.get(row.words, ())
+    if direction == DEVICE and words and len(body) == 2 * len(words):
+        return _message(row, words, body)
+    shown = body.hex(" ").upper()
+    plain = [Part(body, "command word" if command == CANCEL_ACTION else "body", "")] if body else []
     if row.asks is None:
         return f"{row.name}, not in the manual: {shown}", (), plain
     if direction == HOST:
-        if command == Command.SET_VALUE and len(body) == 4:
+        if command == SET_VALUE and len(body) == 4:
             return _setting(body)
-        if command == Command.CANCEL_ACTION and len(body) == 2:
+        if command == CANCEL_ACTION and len(body) == 2:
             return f"{row.name}: command word {body.hex().upper()}", (), plain
         return f"{row.name}: {shown}" if body else f"request {row.name}", (), plain
     if not body:
@@ -202,33 +218,71 @@ def _told(direction: str, command: int, body: bytes) -> Explained:
         text = next(clock.form for clock in CLOCKS if clock.name == row.words).format(*body[:3])
         parts = [Part(body[i : i + 1], name, str(body[i])) for i, name in enumerate(BYTES[row.words])]
         return f"{row.name}: {text}", (Value(row.words, text),), parts + [Part(body[3:], "pad", "")] * (len(body) == 4)
-    words, numbers = MESSAGES.get(row.words, ()), unpack(body)
-    if not words or len(body) != 2 * len(words):
-        return f"{row.name}: {shown}", (), plain
-    pairs = list(zip(words, numbers, strict=True))
-    text = ", ".join([_shown(word, number) for word, number in pairs if not word.name.startswith("boot_time")])
-    boot = f", boot {boot_text(boot_ms(numbers))}" if words[-1].name == "boot_time_low" else ""
-    return (
-        f"{row.name}: {text}{boot}",
-        LazySequence(lambda: [_value(word, number) for word, number in pairs]),
-        LazySequence(
-            lambda: [
-                Part(body[2 * word.word :][:2], word.name, word.shown(word.value_of(number))) for word, number in pairs
-            ]
-        ),
+    return f"{row.name}: {shown}", (), plain
+
+
+def _message(row: Exchange, words: Sequence[Word], body: bytes) -> Explained:
+    """The words of an answer; the time since power-on, which stands at the end of two of them, as one."""
+    numbers, clock = unpack(body), words[-1].name == "boot_time_low"
+    shown = _known(row.words)
+    text = ", ".join(map(getitem, shown[:-2] if clock else shown, numbers))
+    boot = f", boot {boot_text(boot_ms(numbers))}" if clock else ""
+    parts = LazySequence(
+        lambda: [
+            Part(body[2 * word.word :][:2], word.name, word.shown(word.value_of(number)))
+            for word, number in zip(words, numbers, strict=True)
+        ]
     )
+    return f"{row.name}: {text}{boot}", _Numbers(row.words, numbers), parts
 
 
-@lru_cache(4096)
+class _Numbers(LazySequence[Value]):
+    """The words of a message as numbers."""
+
+    def __init__(self, message: str, numbers: Sequence[int]) -> None:
+        super().__init__(lambda: map(_value, MESSAGES[message], numbers))
+        self._message, self._numbers = message, numbers
+
+    def __len__(self) -> int:
+        return len(self._numbers)
+
+    def texts(self, say: Callable[[Value], str]) -> Iterable[str]:
+        """See LazySequence."""
+        return map(getitem, _known(self._message, say), self._numbers)
+
+
+@cache
+def _known(message: str, say: Callable[[Value], str] | None = None) -> list[dict[int, str]]:
+    """For each word of a message what is said of its numbers: by `say` of the value, else for people with its name."""
+    return [_Known(partial(_shown, word) if say is None else partial(_said, say, word)) for word in MESSAGES[message]]
+
+
+class _Known(dict[int, str]):
+    """A long recording has the same numbers again and again."""
+
+    def __init__(self, say: Callable[[int], str]) -> None:
+        super().__init__()
+        self._say = say
+
+    def __missing__(self, number: int) -> str:
+        if len(self) >= MOST_KNOWN:
+            self.clear()
+        text = self[number] = self._say(number)
+        return text
+
+
 def _shown(word: Word, number: int) -> str:
-    """A word of a message with its name; a long recording says the same again and again."""
+    """A word of a message with its name."""
     return f"{word.name} {word.shown(word.value_of(number))}"
 
 
-@lru_cache(4096)
 def _value(word: Word, number: int) -> Value:
     """The same as a number."""
     return Value(word.name, word.value_of(number), word.unit)
+
+
+def _said(say: Callable[[Value], str], word: Word, number: int) -> str:
+    return say(_value(word, number))
 
 
 def _setting(body: bytes) -> Explained:
@@ -275,7 +329,7 @@ class EksoWriteRules(RequestReplyRules[Frame]):
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""
-        return "`handctl ekso feedback`" if data[0] == Command.CANCEL_ACTION else "`handctl ekso settings`"
+        return "`handctl ekso feedback`" if data[0] == CANCEL_ACTION else "`handctl ekso settings`"
 
 
 words = EksoWriteRules

@@ -53,12 +53,12 @@ class Exported(NamedTuple):
     @property
     def text(self) -> str:
         """The file's text, all of it."""
-        return "".join(f"{line}\n" for line in self.spool.lines())
+        return "".join(self.spool.blocks())
 
     @property
     def rows(self) -> list[dict[str, Any]]:
         """The rows, all of them, where they were made `as_rows`."""
-        return [json.loads(line) for line in self.spool.lines()]
+        return [json.loads(line) for line in self.text.split("\n")[:-1]]
 
 
 class Points:

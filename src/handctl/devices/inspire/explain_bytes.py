@@ -305,8 +305,8 @@ class InspireExplainer(Cutter):
         self._modbus = params.kind == "hand"
         own = Generation((), "", params, next(iter(params)).per, lambda _: "")
         self._generations = Generations(known or [own])
-        self._known: dict[Frame, tuple[str, Sequence[Value]]] = {}
-        """Words of frames told before: the same come again and again."""
+        self._known: dict[tuple[str, bytes], ExplainedBytes] = {}
+        """Reads told before, and answers to them: the same come again and again."""
         self._adopt()
         self._new_id: tuple[int, int, int] | None = None
         """Id that a write was for, the one that its acknowledgement may come from, and its address."""
@@ -362,7 +362,10 @@ class InspireExplainer(Cutter):
 
     def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer."""
-        return [self._can(direction, can_id, data)] if can_id is not None else super().feed(direction, data)
+        if can_id is not None:
+            return [self._can(direction, can_id, data)]
+        known = self._known.get((direction, data)) if not self._started and not self._buffers[direction] else None
+        return [known] if known is not None else super().feed(direction, data)
 
     def sent(self, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """As `feed`, of what the host sends in one write: that is whole, or will never be."""
@@ -432,11 +435,16 @@ class InspireExplainer(Cutter):
             meaning, problem = f"{who}: {self._words(frame)[0]}", "echo"
         else:
             meaning, title, key, problem, values = self._explain(frame)
-        return ExplainedBytes(
+        piece = ExplainedBytes(
             direction=direction, raw=raw, meaning=meaning, title=title, problem=problem, values=values,
             asks=key if direction == HOST else "", answers=key if direction == DEVICE else "",
             fields=fields, parts=LazySequence(lambda: self._parts(raw)),
         )  # fmt: skip
+        if frame.flag in READS and self._generations.sure and not self._started:  # whatever was before it
+            if len(self._known) >= MOST_KNOWN:
+                self._known.clear()
+            self._known[direction, raw], piece.kept = piece, {}
+        return piece
 
     # -- registers, whichever wire ------------------------------------------------------------------------------------
 
@@ -550,14 +558,6 @@ class InspireExplainer(Cutter):
 
     def _words(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """A frame in words, and its values."""
-        known = self._known.get(frame)
-        if known is None:
-            if len(self._known) >= MOST_KNOWN:
-                self._known.clear()
-            known = self._known[frame] = self._worded(frame)
-        return known
-
-    def _worded(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         if self._commands(frame):
             return self._command(frame)
         where, data, reads, writes = f"id {frame.id}", frame.data, frame.flag in READS, frame.flag in WRITES
@@ -824,7 +824,7 @@ def _cut_modbus(buffer: bytearray, *, final: bool) -> Cut:
 
 def _annotated(piece: ExplainedBytes, explained: str | None) -> ExplainedBytes:
     """A frame that the manual prints for something else, with what it says about that."""
-    return piece if explained is None else replace(piece, meaning=f"{piece.meaning}. {explained}")
+    return piece if explained is None else replace(piece, meaning=f"{piece.meaning}. {explained}", kept=None)
 
 
 def _header(buffer: bytearray, start: int) -> int:
