@@ -25,6 +25,7 @@ from handctl.devices.barrett.maintenance.health_limits import Finding, verdict
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
 from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, NO_GAUGE, OFF, standard, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import CHECKED
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -506,7 +507,7 @@ def _timed(patient: ExaminedHand, text: str, prompts: Prompts) -> float:
     """Seconds from sending a movement to its prompt. Raises what the hand refuses, Interrupted after Ctrl-C."""
     link = patient.hand.link
     begin = link.now()
-    with patient.hand.driven(prompts, powered=True, what=f"in {text}: "):
+    with patient.hand.driven(prompts, powered=CTRL_C_KEEPS_POWER, what=f"in {text}: "):
         patient.hand.do(text)
     return link.now() - begin
 
