@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from handctl.model.device_clock import Moment
 from handctl.model.result import Row, name_of
-from handctl.model.sampling import Moment
 from handctl.record.timeline import Place
 
 

@@ -17,7 +17,7 @@ import click
 from handctl import __version__, files
 from handctl.charts.curves import PIXELS, Curve
 from handctl.command.command_tree import Command
-from handctl.command.options import InFile
+from handctl.command.option_types import InFile
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES

@@ -11,7 +11,8 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange, suspendable
+from handctl.command.option_types import NEGATIVE_NUMBERS, FiniteRange
+from handctl.command.options import suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
@@ -211,7 +212,7 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: st
     help="How long the currents flow after the ramp.",
 )
 @click.option("--ramp-down", is_flag=True, help="Make Ctrl-C ramp the currents down to 0 before it stops.")
-@suspendable
+@suspendable(HEARTBEAT_TIMEOUT)
 def currents(
     run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool
 ) -> PlannedAction:

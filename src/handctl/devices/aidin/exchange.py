@@ -19,10 +19,10 @@ from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import OTHER_FORM, Gate, Line
+from handctl.model.device_clock import Moment
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Element, Number
 from handctl.model.result import Journal, hex_bytes
-from handctl.model.sampling import Moment
 
 MISSING = "missing-key"
 """Code of a key that the hand does not send."""
