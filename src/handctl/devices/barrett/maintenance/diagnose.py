@@ -194,7 +194,7 @@ def odometer(patient: ExaminedHand) -> list[Finding]:
 def strain_(patient: ExaminedHand) -> list[Finding]:
     """No-load readings against 100 to 140; skipped when the fingers are not open."""
     loaded = strain_gauges.loaded_fingers(patient.hand)
-    found = health_limits.no_load(strain_gauges.measure(patient.hand, 5))
+    found = strain_gauges.no_load(strain_gauges.measure(patient.hand, 5))
     if not loaded:
         return found
     remedy, why = (
@@ -571,7 +571,7 @@ def strain_curve(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[F
                 seen[row["motor"]].append(row["strain"])
     _moved(patient, digits, "O", None, prompts)
     found = []
-    width = health_limits.NO_LOAD[1] - health_limits.NO_LOAD[0]
+    width = strain_gauges.NO_LOAD[1] - strain_gauges.NO_LOAD[0]
     for motor, values in seen.items():
         check, source = f"strain_curve.{motor}", "barrett §8, §9.4"
         if not values or set(values) == {NO_GAUGE}:
