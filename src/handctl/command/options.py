@@ -206,7 +206,7 @@ def lasting_options(wires: tuple[str, ...]) -> Sequence[SharedOption]:
 
 
 class FamilyOption(click.Option):
-    """`@click.option("--operator", cls=Own, of="ekso")`. `check` raises UsageError for a value that makes no sense."""
+    """`@click.option("--operator", cls=FamilyOption, of="ekso")`. `check` raises UsageError for a value that makes no sense."""
 
     def __init__(self, names: Sequence[str], of: str, check: Callable[[Any], object] | None = None) -> None:
         (option,) = (row for row in FAMILIES[of].options if f"--{row.name}" in names)
