@@ -1,6 +1,6 @@
 """Entry point: replaces closed standard streams, runs the root command, and handles a stdout that cannot be written.
 
-`--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `command.command_tree` and `command.exit_codes`.
+`--version` is answered here and loads nothing; the commands, and what errors become as exit codes, are in `command.command_tree` and `command.report_errors`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         defer_unused_modules()
         gc.disable()  # until the command runs: what is imported stays, and looking through it costs a twentieth of the start
     from handctl.command.command_tree import root
-    from handctl.command.exit_codes import exit_code
     from handctl.interrupts import done
     from handctl.screen.sanitize import substitute_what_is_missing
 
@@ -35,7 +34,9 @@ def main(argv: Sequence[str] | None = None) -> int:
             root.main(args=list(args), prog_name="handctl", standalone_mode=False)
         code = 0
     except BaseException as exc:  # noqa: BLE001 - what it does not know goes on
-        code = exit_code(exc, args)
+        from handctl.command.report_errors import report_and_exit_code
+
+        code = report_and_exit_code(exc, args)
     code = _finish(code)
     done(last=argv is None)
     return code

@@ -20,7 +20,7 @@ class OwnOption:
     flag     it takes no value
     named    a named device may hold it in the configuration file
     implied  a flag that is set for every command that writes
-    asked    only the commands that ask for it have it, among their own options (`command.options.Own`), and no key in the
+    asked    only the commands that ask for it have it, among their own options (`command.options.FamilyOption`), and no key in the
              configuration file; else it is accepted at every level, as --port is
     """
 

@@ -6,8 +6,7 @@ import csv
 from pathlib import Path
 from typing import Any
 
-from handctl.devices.barrett.maintenance.fingertips import AFTER, BEFORE
-from handctl.devices.barrett.realtime.joint_angles import UNKNOWN, Angles
+from handctl.devices.barrett.realtime.joint_angles import AFTER, BEFORE, UNKNOWN, Angles
 from tests.barrett.commands import fake
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row

@@ -7,7 +7,8 @@ from math import cos, pi, sin, sqrt
 
 import pytest
 
-from handctl.devices.barrett.maintenance.fingertips import LIMITS, Joints, beyond, joints, tip
+from handctl.devices.barrett.maintenance.fingertips import LIMITS, beyond, tip
+from handctl.devices.barrett.realtime.joint_angles import Joints, joints
 
 # F1 tip, F2 tip, F3 tip in mm, joints of F1 and F2 (barrett §9.5; dossier, section 10)
 VECTORS = [

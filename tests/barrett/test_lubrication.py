@@ -145,7 +145,7 @@ def test_thresholds() -> None:
     assert [health_limits.motor_status("F1", s).status for s in (0, 4, 16, 16384, 20, 1, 2, 5, 8192, 8)] == [
         OK, WARNING, WARNING, WARNING, WARNING, FAIL, FAIL, FAIL, FAIL, FAIL,
     ]  # fmt: skip
-    assert [health_limits.due(strokes) for strokes in (0, 3999.9, 4000, 5000, 5000.1)] == [
+    assert [upkeep.due(strokes) for strokes in (0, 3999.9, 4000, 5000, 5000.1)] == [
         OK,
         OK,
         WARNING,

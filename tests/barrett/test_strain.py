@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.barrett.maintenance import health_limits, strain_gauges
+from handctl.devices.barrett.maintenance import strain_gauges
 from handctl.errors import CheckFailed, DeviceRefused
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts
@@ -78,7 +78,7 @@ def test_the_adjusting_view() -> None:
         [(0, "ok"), (0, "ok"), (None, "no gauge")],
     ]
     assert [row["value"] for row in first.rows if row["name"] == "strain"] == [188, 99, 120]
-    assert table.ranges == {"strain": health_limits.NO_LOAD}
+    assert table.ranges == {"strain": strain_gauges.NO_LOAD}
 
 
 def test_a_refused_reading_is_an_error() -> None:

@@ -25,7 +25,7 @@ OF_OTHERS = {
     "README": {"--dist"},
     "guide development": {"--minutes", "--quick", "--dist", "--peers", "--guide"},
     "system/__init__.py": {"--platform"},
-    "tools/ports.py": {"--reload"},
+    "tools/port_problems.py": {"--reload"},
 }
 """Options of other programs that a text names: pytest, our own tests, mypy, udevadm."""
 IN_CODE = ("docgen/", "report/html.py", "charts/curves.py", "charts/cycles.py")

@@ -73,7 +73,7 @@ def module(path: Path) -> Module:
             found.literals.append((node.lineno, node.value))
         elif isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
             if ast.unparse(node.exc.func).startswith("click."):
-                continue  # `command.options.from_click` adds the command's own help as the next step
+                continue  # `command.envelope.from_click` adds the command's own help as the next step
             name = getattr(node.exc.func, "id", getattr(node.exc.func, "attr", ""))
             if name in ERRORS and not any(keyword.arg == "hint" for keyword in node.exc.keywords):
                 found.hintless.append((node.lineno, name))

@@ -9,8 +9,8 @@ from typing import Any
 
 from handctl.devices.ekso.recording_source import USUAL_MS, FeedbackLine, RowLayout
 from handctl.errors import HandctlError
+from handctl.model.device_clock import Moment
 from handctl.model.prompts import Prompts
-from handctl.model.sampling import Moment
 from handctl.record.csv_and_sidecar import Recording
 from handctl.record.marks import Heard
 from handctl.record.recording_loop import Limits, Loop

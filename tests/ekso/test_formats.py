@@ -17,7 +17,7 @@ from typing import Any
 import pytest
 
 from handctl.devices.ekso.log_reader import LogFile
-from handctl.model.sampling import Moment
+from handctl.model.device_clock import Moment
 from handctl.record.marks import Heard
 from handctl.record.row_source import Sample
 from tests.ekso.recordings import STANDING, Device, opened, words_at

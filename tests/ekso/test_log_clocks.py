@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from handctl.model.sampling import WITHIN_MS
+from handctl.model.device_clock import WITHIN_MS
 from handctl.record.timeline import ClockFit
 from handctl.sim.ekso.mechanics import SIZES, Unrest
 from handctl.sim.engine.simulated_device import Random

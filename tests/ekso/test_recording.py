@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 from handctl.devices.ekso.parameter_map import DATA, SETTINGS
 from handctl.devices.ekso.recording_source import USUAL_MS, EksoSource, RowLayout, parse, text_of
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
+from handctl.model.device_clock import WITHIN_MS, Moment
 from handctl.model.prompts import Prompts
-from handctl.model.sampling import WITHIN_MS, Moment
 from handctl.record.csv_and_sidecar import changed, file_name, without_interrupts
 from handctl.record.recording_loop import Limits, Loop
 from handctl.record.row_source import Sample, clean

@@ -28,7 +28,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
-from handctl.model.sampling import Span
+from handctl.model.device_clock import Span
 from tests.ekso.bench import Bench, change
 from tests.ekso.support import (
     DATA,

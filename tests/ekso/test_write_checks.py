@@ -15,7 +15,7 @@ from handctl.command import terminal_prompts
 from handctl.devices.ekso import stillness, write_checks, write_policy
 from handctl.devices.ekso.audit_log import AuditLog
 from handctl.devices.ekso.parameter_map import DRIVEN, SETTINGS
-from handctl.model.sampling import WITHIN_MS
+from handctl.model.device_clock import WITHIN_MS
 from tests.ekso.commands import ME
 from tests.support.cli import Result, run, sent
 from tests.support.each_row import each_row

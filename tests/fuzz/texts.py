@@ -229,7 +229,7 @@ class EksoLog:
 
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.recording_source import RowLayout
-        from handctl.model.sampling import Moment
+        from handctl.model.device_clock import Moment
         from handctl.record.row_source import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at

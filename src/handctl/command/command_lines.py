@@ -13,7 +13,8 @@ from handctl.command.connection import Session
 from handctl.command.envelope import from_click
 from handctl.command.help_text import NoCommand
 from handctl.command.invocation import check_before
-from handctl.command.options import COMMAND_LINE, SECONDS, command_line, words_of
+from handctl.command.option_types import SECONDS
+from handctl.command.options import COMMAND_LINE, command_line, words_of
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.command.settings_precedence import resolve
 from handctl.errors import HandctlError, UsageError

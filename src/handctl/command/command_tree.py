@@ -24,12 +24,8 @@ from handctl.command.help_text import (
     plain_help,
     write_examples,
 )
-from handctl.command.options import (
-    InFile,
-    OutFile,
-    SharedOption,
-    command_line,
-)
+from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import SharedOption, command_line
 from handctl.families import COMMANDS, LISTED
 
 if TYPE_CHECKING:

@@ -18,14 +18,12 @@ import click
 from handctl.command import get_set_watch
 from handctl.command.command_tree import Group
 from handctl.command.help_text import columns
+from handctl.command.option_types import FiniteRange, InFile, OutFile
 from handctl.command.options import (
     ALWAYS,
     BOUNDS,
     LIMIT,
     REPLY_WAIT,
-    FiniteRange,
-    InFile,
-    OutFile,
     combined_options,
     ending,
     export_options,

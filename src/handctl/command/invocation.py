@@ -11,16 +11,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
-from handctl.command.options import (
-    COMMAND_LINE,
-    ENVIRONMENT,
-    FILE,
-    NamedFile,
-    command_line,
-    files_of,
-    refuse_clashes,
-    words_of,
-)
+from handctl.command.option_types import NamedFile, files_of, refuse_clashes
+from handctl.command.options import COMMAND_LINE, ENVIRONMENT, FILE, command_line, words_of
 from handctl.command.terminal_prompts import TerminalPrompts, print_message
 from handctl.errors import Hint, OutputError, UsageError
 from handctl.files import why_unwritable
@@ -227,7 +219,7 @@ def _tell_unused(run: Invocation) -> None:
 
 def _check_columns(run: Invocation) -> None:
     """--append and --time as they make sense; typed where they do not, UsageError."""
-    from handctl.screen.csv_output import stream_format
+    from handctl.screen.render import stream_format
 
     settings = run.settings
     how = stream_format(run) if run.streams else settings.format

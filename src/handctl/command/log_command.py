@@ -17,9 +17,9 @@ from handctl import __version__
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
+from handctl.model.device_clock import Moment
 from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table, name_of
-from handctl.model.sampling import Moment
 from handctl.record.csv_and_sidecar import (
     Recording,
     changed,
@@ -32,7 +32,8 @@ from handctl.record.csv_and_sidecar import (
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording_loop import Limits, Loop
 from handctl.record.row_source import Ended, RowsLayout, Sample, Source
-from handctl.screen.csv_output import REMARKS, column_of, in_persons_unit, text_of
+from handctl.screen.csv_output import REMARKS, column_of, in_persons_unit
+from handctl.screen.plain_tables import text_of
 from handctl.wording import plural
 
 if TYPE_CHECKING:

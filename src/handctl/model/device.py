@@ -43,10 +43,10 @@ from handctl.wording import plural
 if TYPE_CHECKING:
     from handctl.link import Deadline, Link
     from handctl.link.deadman import Guard
+    from handctl.model.device_clock import Moment
     from handctl.model.movement import Clock
     from handctl.model.param import Step
     from handctl.model.prompts import Prompts
-    from handctl.model.sampling import Moment
 
 OTHER_FORM = "other-form"
 """Code of a device whose replies are not those of the manual, in the same way each time."""

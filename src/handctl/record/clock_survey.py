@@ -15,7 +15,7 @@ from math import inf
 from operator import add, sub
 from typing import Any, NamedTuple
 
-from handctl.model.sampling import WITHIN_MS, Moment
+from handctl.model.device_clock import WITHIN_MS, Moment
 from handctl.record import timeline
 from handctl.record.log_reader import LATEST_S, Block, LogFile, damaged
 from handctl.record.row_source import MARK

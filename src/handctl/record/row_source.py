@@ -6,8 +6,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
+from handctl.model.device_clock import Moment
 from handctl.model.result import Row, name_of
-from handctl.model.sampling import Moment
 from handctl.record.timeline import Place
 
 
@@ -82,14 +82,14 @@ class Source(ABC):
         return {}
 
 
-HOST = (("host_utc_s", 6), ("host_mono_s", 6))
-REST = (("t_s", 3), ("segment", 0), ("seq", 0), ("rtt_ms", 3))
+HOST_COLUMNS = (("host_utc_s", 6), ("host_mono_s", 6))
+ROW_COLUMNS = (("t_s", 3), ("segment", 0), ("seq", 0), ("rtt_ms", 3))
 MARK = "mark"
 
 
 def lead(clock: str) -> tuple[tuple[str, int], ...]:
     """Names and decimals of the leading columns; `clock` is that of the device's clock in ms, "" where it has none."""
-    return (*HOST, *([(clock, 0)] if clock else []), *REST)
+    return (*HOST_COLUMNS, *([(clock, 0)] if clock else []), *ROW_COLUMNS)
 
 
 class Stamp(NamedTuple):

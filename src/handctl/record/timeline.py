@@ -1,7 +1,7 @@
 """The time of a recording: two clocks to seconds, segments, holes and gaps, rate and clock fit.
 
 A device's clock and the host's are two witnesses. Within a segment they agree: no two rows of it contradict each other by more
-than `clocks.WITHIN_MS`, whatever the round trips. Where they part a segment begins, and its time is taken from the host's clock.
+than `device_clock.WITHIN_MS`, whatever the round trips. Where they part a segment begins, and its time is taken from the host's clock.
 So is that of a device without a clock. Pure arithmetic; knows no file and no device.
 """
 
@@ -14,7 +14,7 @@ from math import inf, sqrt
 from operator import mul, sub
 from typing import Any, NamedTuple
 
-from handctl.model.sampling import WITHIN_MS, Moment, Span
+from handctl.model.device_clock import WITHIN_MS, Moment, Span
 
 BOOT_WRAP = 1 << 32
 """A device's clock is 32 bit of milliseconds."""
@@ -36,7 +36,7 @@ class Place(NamedTuple):
     boot_ms   the device's clock, None = it has none
     moment    the host's
     t_ms      time since the first row: by the device within a segment, by the host at its first row. So it is never further than
-              clocks.WITHIN_MS from the host's, and may fall by so much where a segment begins
+              WITHIN_MS from the host's, and may fall by so much where a segment begins
     step_ms   since the row before
     why       why a segment begins here, () = none does
     off_ms    by how much the device's clock is ahead of the host's (above 0) or behind it, where they part

@@ -2,23 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
 
 from handctl.model.param import scale_of
 from handctl.model.result import Column, Row, name_of
+from handctl.screen.plain_tables import text_of
 
 if TYPE_CHECKING:
-    from handctl.model.command_settings import Settings
     from handctl.screen.render import Context
-
-    class Asked(Protocol):
-        """What the user said, and where."""
-
-        @property
-        def settings(self) -> Settings: ...
-        @property
-        def sources(self) -> Mapping[str, object]: ...
 
 
 UNITS = {
@@ -28,15 +20,6 @@ UNITS = {
 """What a heading may end with behind a "_", and the unit: those of all maps, and what the columns of a log have of them."""
 REMARKS = ("guard", "doubt")
 """Keys of a row with a text about its value: one column for all quantities of a sample."""
-
-
-def text_of(value: Any) -> str:
-    """A value as CSV, plain and tables have it: "" for null."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    return str(value)
 
 
 def csv_cell(text: str) -> str:
@@ -83,18 +66,6 @@ def in_persons_unit(row: Row) -> Any:
     value = row.get("value")
     scale = scale_of(row.get("unit") or "")
     return scale.of(value) if scale is not None and isinstance(value, int | float) else value
-
-
-def is_sheet(path: str | None) -> bool:
-    """Whether a file named so is for a program that takes tables."""
-    return bool(path) and str(path).lower().endswith(".csv")
-
-
-def stream_format(asked: Asked) -> str:
-    """The format of a stream: what was said, else CSV in a file that is named so."""
-    settings = asked.settings
-    named = settings.format == "table" and is_sheet(settings.output)
-    return "csv" if named and "format" not in asked.sources else settings.format
 
 
 def is_wide(context: Context, rows: Sequence[Row], *, by_default: bool) -> bool:

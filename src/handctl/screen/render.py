@@ -19,20 +19,25 @@ from handctl import interrupts
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.files import appended, atomic_write, writing
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
-from handctl.screen.csv_output import Wide, csv_lines, is_sheet, is_wide, stream_format, text_of
+from handctl.screen.plain_tables import aligned_line, aligned_lines, text_of
 from handctl.screen.sanitize import no_formula, shown, text_shown, utf8_stdout, value_shown
 from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.model.command_settings import Settings
+    from handctl.screen.csv_output import Wide
 
-    class Context(Protocol):
-        """What rendering needs to know of the running command."""
+    class Asked(Protocol):
+        """What the user said, and where."""
 
         @property
         def settings(self) -> Settings: ...
         @property
         def sources(self) -> Mapping[str, object]: ...
+
+    class Context(Asked, Protocol):
+        """What rendering needs to know of the running command."""
+
         @property
         def journal(self) -> Journal: ...
         @property
@@ -207,6 +212,8 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
     elif table is None:
         return
     elif how == "csv":
+        from handctl.screen.csv_output import Wide, csv_lines, is_wide
+
         rows, failed = [_row_shown(row) for row in rows], any("error" in row for row in rows)
         if is_wide(context, rows, by_default=False):
             sink.write(Wide(rows, moment).line(rows, sink.guard, moment))
@@ -257,6 +264,18 @@ def _stream(table: Table, samples: Generator[Sample, None, None], how: str, sink
         if how == "csv":
             samples = _wide_lines(table, samples, sink, context)
         _stream_lines(table, samples, how, sink, context.settings.time)
+
+
+def is_sheet(path: str | None) -> bool:
+    """Whether a file named so is for a program that takes tables."""
+    return bool(path) and str(path).lower().endswith(".csv")
+
+
+def stream_format(asked: Asked) -> str:
+    """The format of a stream: what was said, else CSV in a file that is named so."""
+    settings = asked.settings
+    named = settings.format == "table" and is_sheet(settings.output)
+    return "csv" if named and "format" not in asked.sources else settings.format
 
 
 def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
@@ -322,6 +341,8 @@ def _wide_lines(
     table: Table, samples: Generator[Sample, None, None], sink: Sink, context: Context
 ) -> Generator[Sample, None, None]:
     """Write samples as one line each if requested; the returned ones are left for `_stream_lines`."""
+    from handctl.screen.csv_output import Wide, is_wide
+
     usual = table.wide or is_sheet(context.settings.output)
     sheet: Wide | None = None
     for sample in samples:
@@ -345,6 +366,8 @@ def _moment(sample: Sample, clock: bool) -> Row:
 
 def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink, clock: bool) -> None:
     columns = (*([Column("time")] if clock else []), Column("t", "Time", right=True, unit="s"), *table.columns)
+    if how == "csv":
+        from handctl.screen.csv_output import csv_lines
     widths = [max(len(column.heading), 9 if column.key == "t" else 6) for column in columns]
     for sample in samples:
         lines = [sample.text]
@@ -366,10 +389,10 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink,
                         max(width, *(len(text_of(r.get(column.key))) for r in sample.rows))
                         for width, column in zip(widths, columns, strict=True)
                     ]
-                    lines.append(_align([column.heading for column in columns], widths, columns))
+                    lines.append(aligned_line([column.heading for column in columns], widths, columns))
                     fixed, widths = widths, []
                 cells = [f"{row[c.key]:.3f}" if c.key == "t" else text_of(row.get(c.key)) for c in columns]
-                lines.append(_align(cells, fixed, columns))
+                lines.append(aligned_line(cells, fixed, columns))
         sink.write_sample("".join(lines))
         if sink.broken:
             return
@@ -452,27 +475,7 @@ def _grids(table: Table, sink: Sink, context: Context) -> None:
     for number, grid in enumerate(grids):
         if number:
             sink.write("\n")
-        _aligned(grid, sink, mark)
+        for line in aligned_lines(grid, mark):
+            sink.write(line)
     if mark and not any(grid.title for grid in grids):
         sink.write(f"({mark})\n")
-
-
-def _aligned(grid: Grid, sink: Sink, mark: str) -> None:
-    lines = [[cell.text if isinstance(cell, Cell) else cell for cell in line] for line in grid.lines]
-    lines.insert(0, list(grid.headings))
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    columns = [Column("", right=position in grid.right) for position in range(len(widths))]
-    if grid.title:
-        sink.write(f"{grid.title}{f'  ({mark})' if mark else ''}\n")
-    for line in lines:
-        sink.write(_align(line, widths, columns))
-    for note in grid.notes:
-        sink.write(f"{note}\n")
-
-
-def _align(texts: Sequence[str], widths: Sequence[int], columns: Sequence[Column]) -> str:
-    cells = (
-        text.rjust(width) if column.right else text.ljust(width)
-        for text, width, column in zip(texts, widths, columns, strict=True)
-    )
-    return "  ".join(cells).rstrip() + "\n"

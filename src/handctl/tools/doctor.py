@@ -26,7 +26,7 @@ from handctl.link import ByteLink, Deadline, Link
 from handctl.model.check_rows import Check, table_of
 from handctl.model.result import Journal, Table
 from handctl.system import advice
-from handctl.tools import ports as port_tool
+from handctl.tools import port_problems
 from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
 from handctl.tools.family_probe import family_of, has_speed, listened, probe_of, usual_ports, wire_of
 from handctl.tools.port_inventory import GRABBERS, Machine, Port, needed
@@ -116,7 +116,7 @@ def permissions(found: list[Port]) -> Check:
     closed = [port for port in found if not port.permitted]
     if closed:
         names = ", ".join(port.path for port in closed)
-        return Check("permissions", "warning", f"cannot be opened: {names}", port_tool.permission_remedy(closed[0]))
+        return Check("permissions", "warning", f"cannot be opened: {names}", port_problems.permission_remedy(closed[0]))
     return Check("permissions", "ok", f"can be opened: {', '.join(port.path for port in found)}")
 
 
@@ -132,17 +132,17 @@ def port_grabbing_programs(machine: Machine, found: list[Port]) -> list[Check]:
         elif not found and not machine.without_port():
             checks.append(Check(name.lower(), "ok", f"{running[name]} runs, but no serial port is plugged in"))
         else:
-            checks.append(Check(name.lower(), "warning", *port_tool.grabber_problem(running[name], found)))
+            checks.append(Check(name.lower(), "warning", *port_problems.grabber_problem(running[name], found)))
     return checks
 
 
 def adapters(machine: Machine) -> list[Check]:
     """Adapters without a port, and CAN interfaces that reach no wrist."""
-    checks = [Check("adapter", "warning", *port_tool.orphan(chip)) for chip in machine.without_port()]
+    checks = [Check("adapter", "warning", *port_problems.orphan(chip)) for chip in machine.without_port()]
     for interface in machine.can_interfaces():
         checks += [
             Check(problem.check, "warning", problem.text, problem.remedy)
-            for problem in port_tool.can_problems(interface)
+            for problem in port_problems.can_problems(interface)
         ]
     return checks
 
@@ -214,7 +214,7 @@ def port_checks(machine: Machine, link: str) -> list[Check]:
         port = matching[0]
     if port is None:
         return []
-    found = {problem.check: problem for problem in port_tool.problems(port)}
+    found = {problem.check: problem for problem in port_problems.port_problems(port)}
 
     def check(name: str, status: str, evidence: str) -> Check:
         problem = found.get(name)

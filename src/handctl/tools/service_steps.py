@@ -68,17 +68,17 @@ class ServiceOptions(NamedTuple):
 
     steps: Mapping[str, str]
     """Step -> what it does."""
-    complaint: str | None = None
-    ticket: str | None = None
-    path: str | None = None
-    skip: tuple[str, ...] = ()
-    resume: str | None = None
-    against: str | None = None
-    watch: float = 3.0
-    reads: int = 100
-    follow: bool = False
-    include_ids: bool = False
-    force: bool = False
+    complaint: str | None
+    ticket: str | None
+    path: str | None
+    skip: tuple[str, ...]
+    resume: str | None
+    against: str | None
+    watch: float
+    reads: int
+    follow: bool
+    include_ids: bool
+    force: bool
     written: bool = True
     """Whether a report is written."""
 

@@ -24,7 +24,7 @@ ROWS = (
     mistake(
         "barrett-angles-with-another-ratio",
         "false value",
-        "handctl.devices.barrett.maintenance.fingertips",
+        "handctl.devices.barrett.realtime.joint_angles",
         "joints",
         "return Joints(turned, position / 125, position / 375)",
         "return Joints(turned, position / 125, position / 125)",

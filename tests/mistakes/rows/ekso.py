@@ -143,7 +143,7 @@ ROWS = (
     mistake(
         "ekso-late-answer-is-not-fresh",
         "one witness believed",
-        "handctl.model.sampling",
+        "handctl.model.device_clock",
         "Moment.since",
         "return Span((self.sent - earlier.answered) * 1000, (self.answered - earlier.sent) * 1000)",
         "return Span((self.middle - earlier.middle) * 1000, (self.middle - earlier.middle) * 1000)",

@@ -332,7 +332,7 @@ ROWS = (
     mistake(
         "recording-replaced-by-its-picture",
         "output half written",
-        "handctl.command.options",
+        "handctl.command.option_types",
         "files_of",
         "for path in given if isinstance(given, tuple) else (given,):",
         "for path in () if isinstance(given, tuple) else (given,):",

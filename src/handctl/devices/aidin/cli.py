@@ -11,11 +11,12 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange, suspendable
+from handctl.command.option_types import NEGATIVE_NUMBERS, FiniteRange
+from handctl.command.options import suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.exchange_settings import exchange_settings_of
+from handctl.devices.aidin.exchange_settings import TCP_PORT, exchange_settings_of
 from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.errors import Hint, UsageError
 from handctl.link import ByteLink
@@ -25,7 +26,6 @@ from handctl.model.param import Step
 from handctl.model.result import Journal
 from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
 
-PORT = 8000
 RECOMMENDED = 700
 CAP = 300.0
 
@@ -39,8 +39,8 @@ def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHan
 
 cli = Group(
     "aidin",
-    family=Family("aidin", open_aidin, tcp_port=PORT, check=exchange_settings_of),
-    help="Check and move an AIDIN-hand over TCP (-p tcp://HOST, default port 8000).",
+    family=Family("aidin", open_aidin, tcp_port=TCP_PORT, check=exchange_settings_of),
+    help=f"Check and move an AIDIN-hand over TCP (-p tcp://HOST, default port {TCP_PORT}).",
 )
 add_map_verbs(
     cli,
@@ -93,7 +93,10 @@ def bias(run: Run) -> PlannedAction:
     """Set the sensors to 0. Touch nothing: any load is subtracted from all later values."""
     from handctl.devices.aidin import homing_and_bias
 
-    return PlannedAction([_step(run, "sensor bias, every 20 ms for 0.5 s", Mode.BIAS)], homing_and_bias.bias)
+    return PlannedAction(
+        [_step(run, f"sensor bias, every 20 ms for {homing_and_bias.BIAS_SECONDS:g} s", Mode.BIAS)],
+        homing_and_bias.bias,
+    )
 
 
 @cli.verb("max-torque", "Settings", writes=True)
@@ -108,7 +111,8 @@ def max_torque(run: Run, value: str) -> PlannedAction:
 
     param = AIDIN["maxtorque"]
     number = int(param.parse(value))
-    steps = [_step(run, "maximum torque, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=number)]
+    seconds = homing_and_bias.MAX_TORQUE_SECONDS
+    steps = [_step(run, f"maximum torque, every 20 ms for {seconds:g} s", Mode.MAXTORQUE, maxtorque=number)]
     if number < RECOMMENDED:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
     question = "Without torque the fingers do not move, and may drop a held object" if number == 0 else ""
@@ -211,7 +215,7 @@ def fingertips(run: Run, values: tuple[str, ...], assume_homed: bool, expect: st
     help="How long the currents flow after the ramp.",
 )
 @click.option("--ramp-down", is_flag=True, help="Make Ctrl-C ramp the currents down to 0 before it stops.")
-@suspendable
+@suspendable(HEARTBEAT_TIMEOUT)
 def currents(
     run: Run, values: tuple[str, ...], cap: float, duration: float, ramp_down: bool, may_suspend: bool
 ) -> PlannedAction:
@@ -224,10 +228,12 @@ def currents(
     second, holds, ramps down to 0 and stops.
     """
     from handctl.devices.aidin import motion
+    from handctl.devices.aidin.homing_and_bias import MAX_TORQUE_SECONDS
     from handctl.devices.aidin.motion import parse
 
     goal = parse(CURRENTS, values, cap=cap)
-    first = _step(run, "maximum torque 1000, every 20 ms for 0.2 s", Mode.MAXTORQUE, maxtorque=1000)
+    lasting = f"every 20 ms for {MAX_TORQUE_SECONDS:g} s"
+    first = _step(run, f"maximum torque 1000, {lasting}", Mode.MAXTORQUE, maxtorque=1000)
     last = _step(run, "stop, sent 3 times", Mode.STOP)
     if not run.settings.dry_run and not any(goal.named.values()) and goal.names_all:
         raise UsageError(

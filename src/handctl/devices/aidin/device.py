@@ -14,10 +14,10 @@ from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
+from handctl.model.device_clock import Moment
 from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
-from handctl.model.sampling import Moment
 from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
 from handctl.model.stop_sequence import StopContext, Stopped
 

@@ -19,10 +19,10 @@ from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import OTHER_FORM, Gate, Line
+from handctl.model.device_clock import Moment
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Element, Number
 from handctl.model.result import Journal, hex_bytes
-from handctl.model.sampling import Moment
 
 MISSING = "missing-key"
 """Code of a key that the hand does not send."""
@@ -575,7 +575,7 @@ class Conversation(Line):
         silent = f"{unasked} and does not reply" if self.way.exchange is ExchangeMode.UNKNOWN else "does not reply"
         return NoAnswer(
             f"{name}: connected, but the hand {silent} {poll}",
-            hint="check the port (8000), and that no other client is connected. If the hand works differently, try --exchange stream|poll, --poll-json TEXT or --tx-terminator nul|none. If it only replies to commands, use --exchange command. `stop` is always sent",
+            hint=f"check the port ({table.TCP_PORT}), and that no other client is connected. If the hand works differently, try --exchange stream|poll, --poll-json TEXT or --tx-terminator nul|none. If it only replies to commands, use --exchange command. `stop` is always sent",
         )
 
     def _closed(self, exc: LinkError) -> HandctlError:
@@ -610,7 +610,7 @@ class Conversation(Line):
                 code=OTHER_FORM,
                 came=seen,
             )
-        hint = "check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port 8000"
+        hint = f"check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port {table.TCP_PORT}"
         if whole:
             hint = f"this JSON object has no key from the manual: it may be a report from the hand itself. Otherwise {hint}"
         text = f"{name}: no {more}feedback from the hand, but {hex_bytes(seen)} ({shown}){f': {why}' if why else ''}"

@@ -22,7 +22,7 @@ from handctl.devices.aidin.device import (
     stopped_on_error,
 )
 from handctl.devices.aidin.exchange import Feedback, Wire
-from handctl.devices.aidin.exchange_settings import ExchangeMode
+from handctl.devices.aidin.exchange_settings import TCP_PORT, ExchangeMode
 from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
@@ -353,7 +353,7 @@ def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
         if MOTOR_POS.key not in conversation.feedback.seen:
             raise NoAnswer(
                 f"{hand.link.name}: homing was sent for {HOLD:g} s, but the hand does not reply, so homing is not confirmed",
-                hint="check the address and the port (8000), and that no other client is connected to the hand",
+                hint=f"check the address and the port ({TCP_PORT}), and that no other client is connected to the hand",
             )
         found = conversation.feedback.result(MOTOR_POS.key)
     return tuple(int(number) for number in conversation.usable(MOTOR_POS, found))
@@ -456,8 +456,10 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
 # -- sensor bias, maximum torque ------------------------------------------------------------------------------------
 
 
-BIAS = 0.5
-SHORT = 0.2
+BIAS_SECONDS, MAX_TORQUE_SECONDS = 0.5, 0.2
+"""How long the objects of these modes are sent."""
+AT_REST = 0.2
+"""Seconds between two looks at sensors and motors, and before the first behind a bias."""
 CONFIRM = 1.0
 NOISE = 4.0
 """A value so many times what it changes by itself is no noise."""
@@ -477,7 +479,7 @@ def bias(hand: AidinHand) -> Table:
     """
     conversation = hand.conversation
     first, earlier = conversation.need(MOTOR_POS, SENSOR_STATE)
-    hand.link.sleep(SHORT)
+    hand.link.sleep(AT_REST)
     second, before = conversation.need(MOTOR_POS, SENSOR_STATE)
     restless = moving(first, second)
     if restless:
@@ -490,14 +492,14 @@ def bias(hand: AidinHand) -> Table:
     begun = ledger.mark
     sent = "the sensor bias was sent, so any load on the fingertips may read as 0 from now on"
     with in_force(f"{sent}; {left_in(Mode.BIAS)}", moving=False):
-        data, end = object_of(Mode.BIAS), conversation.deadline(BIAS)
+        data, end = object_of(Mode.BIAS), conversation.deadline(BIAS_SECONDS)
         while not end.expired:
             conversation.tick(data)
         conversation.check_bound()
         end = conversation.deadline(CONFIRM)
         table, worse = _compared(hand, before, earlier)
         while worse and not end.expired:
-            hand.link.sleep(SHORT)
+            hand.link.sleep(AT_REST)
             table, worse = _compared(hand, before, earlier)
     hand.journal.info("left", left_in(Mode.BIAS), LEFT_HINT)
     if worse and table.failure is None:
@@ -532,7 +534,7 @@ def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list
 def max_torque(hand: AidinHand, value: int) -> Table:
     """Mode 5 with `maxtorque`, for 0.2 s. No feedback shows it. Raises NoAnswer when the hand says nothing afterwards."""
     blind = connect_or_command(hand)
-    data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.conversation.deadline(SHORT)
+    data, end = object_of(Mode.MAXTORQUE, maxtorque=value), hand.conversation.deadline(MAX_TORQUE_SECONDS)
     sent = f"maxtorque {value} was sent and may be in effect, but it cannot be read back"
     with in_force(f"{sent}; {left_in(Mode.MAXTORQUE)}", moving=False):
         while not end.expired:
@@ -544,7 +546,7 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     if blind and not hand.conversation.feedback.seen:
         raise NoAnswer(
             f"{hand.link.name}: maxtorque {value} was sent, but the hand does not reply",
-            hint="check the address and the port (8000), and that no other client is connected to the hand",
+            hint=f"check the address and the port ({TCP_PORT}), and that no other client is connected to the hand",
         )
     hand.journal.info(
         "not-read-back", "The maximum torque was sent. The hand does not report it, so it cannot be read back"

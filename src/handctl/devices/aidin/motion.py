@@ -28,7 +28,7 @@ from handctl.devices.aidin.device import (
     stopped_on_error,
 )
 from handctl.devices.aidin.exchange import Feedback, Wire, values_of
-from handctl.devices.aidin.homing_and_bias import SHORT, check_homed, connect_or_command, named
+from handctl.devices.aidin.homing_and_bias import MAX_TORQUE_SECONDS, check_homed, connect_or_command, named
 from handctl.devices.aidin.parameter_map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, UsageError
@@ -530,7 +530,7 @@ class _Drive:
     def run(self, values: list[float], seconds: float, *, blind: bool) -> Table:
         """Up the ramp and hold; the currents that the hand told last. A hand of which nothing is known must answer first."""
         conversation = self._hand.conversation
-        first, end = object_of(Mode.MAXTORQUE, maxtorque=1000), conversation.deadline(SHORT)
+        first, end = object_of(Mode.MAXTORQUE, maxtorque=1000), conversation.deadline(MAX_TORQUE_SECONDS)
         while not end.expired:
             conversation.tick(first, blind=blind)
         if blind:

@@ -13,7 +13,8 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import ALWAYS, InFile, WholeRange
+from handctl.command.option_types import InFile, WholeRange
+from handctl.command.options import ALWAYS
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware

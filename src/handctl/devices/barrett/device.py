@@ -84,7 +84,9 @@ class BarrettHand(Device):
 
     def abort(self) -> Stopped:
         """^C; the motors keep their power. Never raises, and asks nothing."""
-        return super().stop(powered=True)
+        from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
+
+        return super().stop(powered=CTRL_C_KEEPS_POWER)
 
     def stop(self, *, powered: bool = False) -> Stopped:
         """See Device. If the motors keep their power, it also reports their positions."""

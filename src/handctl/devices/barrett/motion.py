@@ -13,6 +13,7 @@ from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_pref
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, failure_of_arrivals
 from handctl.model.param import Step
@@ -158,7 +159,7 @@ def timed(
             )
     goals, seconds = _before(hand, name, argument, motors, force)
     prompts.progress(f"{text}: moving. The hand sends nothing until it stops.", CTRL_C)
-    with hand.driven(prompts, powered=True):
+    with hand.driven(prompts, powered=CTRL_C_KEEPS_POWER):
         began = hand.link.now()
         answer = hand.line.ask(text, at_least=3 * seconds)
         took = hand.link.now() - began

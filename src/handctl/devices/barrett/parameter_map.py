@@ -20,6 +20,8 @@ NO_GAUGE = 255
 """SG of a motor without a strain gauge: never a strain (§5.3.2)."""
 OFF = 255
 """From here on a strain limit is off (§5.3.1)."""
+STROKE = (17500, 3100)
+"""Counts of one stroke of a finger and of the spread (barrett §7.3)."""
 TRAVEL = (17800, 3150)
 """Counts between the joint stops of a finger and of the spread, approximately (§5.3.2 P)."""
 BEYOND = 500

@@ -2,8 +2,8 @@
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, STATUS_CODES
-from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, NO_SENSOR
-from handctl.devices.barrett.status_and_parameter_views import STROKE
+from handctl.devices.barrett.maintenance.health_limits import LIMIT, LIMIT_TENTHS, NO_SENSOR
+from handctl.devices.barrett.parameter_map import STROKE
 from handctl.errors import Hint
 from handctl.model.device_picture import Bar, Measure, Outline, Remedy
 
@@ -14,7 +14,7 @@ _URGENT = (OVER_TEMPERATURE, 1, 2, 16, 4)
 _COOL = Hint("let the hand cool, and free the spread with {}", "barrett stop --motors S")
 
 REMEDIES = {
-    "hot": Remedy("the board is hotter than 65 °C, which it must never be", _COOL, "barrett §2"),
+    "hot": Remedy(f"the board is hotter than {LIMIT}, which it must never be", _COOL, "barrett §2"),
     "over-limit": Remedy("the board is hotter than OTEMP: motor commands fail", _COOL, "barrett §5.4.1"),
     "no-temperature": Remedy("the temperature sensor of the board cannot be read", NO_SENSOR, "barrett §5.4.2"),
     **{
@@ -24,7 +24,7 @@ REMEDIES = {
     "unknown": Remedy("the manual does not list this code", "ask the vendor", "barrett §5.1.3, T3"),
     "moving": Remedy("the hand is moving", Hint("wait, or run {}", "barrett stop"), "barrett §5.2.1"),
     "disabled": Remedy("the motor only moves if it is named (--motors)", Hint("run {}", "barrett set EN=1"), "barrett §5.3.4"),
-    "was-hot": Remedy("the board has been hotter than 65 °C", "set OTEMP=650, so that the hand protects itself", "barrett §5.4.2"),
+    "was-hot": Remedy(f"the board has been hotter than {LIMIT}", f"set OTEMP={LIMIT_TENTHS}, so that the hand protects itself", "barrett §5.4.2"),
 }  # fmt: skip
 
 OUTLINE = Outline(

@@ -11,10 +11,11 @@ from typing import Any
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, split_status
-from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS
+from handctl.devices.barrett.maintenance.health_limits import LIMIT, LIMIT_TENTHS, SET_LIMIT
 from handctl.devices.barrett.parameter_map import (
     BARRETT,
     POSITIONS,
+    STROKE,
     TENTHS,
     TRAVEL,
     GclParam,
@@ -32,8 +33,6 @@ VALUE, UNIT, LABEL = Column("value", "Value", right=True), Column("unit", "Unit"
 STATUS, SECTION, DOUBT = Column("status", "Status"), Column("source", "Section"), Column("doubt", "Doubt")
 CHECKED = (Column("check", "Check"), STATUS, Column("evidence", "Evidence"), Column("remedy", "Remedy"), SECTION)
 """Columns of a check: what was looked at, how it is, what was seen, what to do."""
-STROKE = (17500, 3100)
-"""Counts of one stroke of a finger and of the spread (barrett §7.3)."""
 NEARLY_READY = 4
 SENSIBLE_LIMIT = 300
 """0.1 °C: an OTEMP below was typed in whole degrees."""
@@ -57,7 +56,7 @@ def heat_hint(now: int, limit: int) -> str:
         return Hint(
             f"run {{}}, because the setting is wrong. OTEMP is {limit / 10:.1f} °C, and the board is at "
             f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant}",
-            "barrett set OTEMP=650",
+            SET_LIMIT,
         )
     return Hint(
         f"let the hand cool, and free the spread with {{}}: TEMP is {now / 10:.1f} °C, OTEMP {limit / 10:.1f} °C",
@@ -103,11 +102,11 @@ def unhealthy(rows: Sequence[Row]) -> list[Finding]:
     ]
     temperature, limit, peak = (at.get((name, None)) for name in ("TEMP", "OTEMP", "PTEMP"))
     if temperature is not None and unmeasured(int(temperature)):
-        text = f"temperature {temperature / 10:.1f} °C cannot be, so heat cannot be detected"
+        text = f"temperature {temperature / 10:.1f} °C is impossible, so overheating cannot be detected"
         found.append(Finding(text, ("no-temperature",)))
     elif temperature is not None and temperature >= LIMIT_TENTHS:
         found.append(
-            Finding(f"temperature {temperature / 10:.1f} °C, which must never exceed 65 °C (barrett §2)", ("hot",))
+            Finding(f"temperature {temperature / 10:.1f} °C, which must never exceed {LIMIT} (barrett §2)", ("hot",))
         )
     if limit and temperature is not None and temperature > limit:
         text = f"temperature {temperature / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C: motor commands fail"

@@ -31,6 +31,8 @@ ABORTED = 16384
 """Status of what ^C has ended (barrett §5.1.3, T3)."""
 HARMLESS = 1 | 4 | ABORTED
 """Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
+CTRL_C_KEEPS_POWER = True
+"""Ctrl-C in a movement sends ^C and no T: the motors hold what the hand has gripped."""
 OFF = "switch the power supply off if the hand still moves"
 
 

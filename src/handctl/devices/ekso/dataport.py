@@ -27,9 +27,9 @@ from handctl.devices.ekso.parameter_map import SETTINGS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Gate, Line, harmless_to_others
+from handctl.model.device_clock import Moment
 from handctl.model.frame_decoder import frames_in
 from handctl.model.result import Journal, hex_bytes, hex_shown
-from handctl.model.sampling import Moment
 from handctl.wording import plural
 
 DEFAULT_TIMEOUT = 0.5

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 from handctl.devices.ekso.parameter_map import DATA, EKSO, LEGS, NAMED, POSTURES, SETTINGS, Word, boot_ms, boot_text
 from handctl.devices.ekso.write_policy import READS_APART, write_limits_of
 from handctl.errors import HandctlError, LinkError
+from handctl.model.device_clock import Span
 from handctl.model.param import Reading
 from handctl.model.result import Cell, Finding, Grid, Row, Table
-from handctl.model.sampling import Span
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.device import Ekso

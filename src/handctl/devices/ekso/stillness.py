@@ -8,7 +8,7 @@ from typing import NamedTuple
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.parameter_map import DATA, DRIVEN, SITTING, STANDING, Word, boot_ms, state_text
 from handctl.devices.ekso.write_policy import MOST_SPEED
-from handctl.model.sampling import Span
+from handctl.model.device_clock import Span
 
 STATE = 18
 JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))

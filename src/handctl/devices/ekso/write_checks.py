@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NotConfirmed, OutputError, UsageError
+from handctl.model.device_clock import WITHIN_MS
 
 TYPED, READ, ASKED, TURN, ALONE, SENT = "typed", "read", "asked", "turn", "alone", "sent"
 LOOK, LOOKS = "look", "looks"
@@ -82,7 +83,7 @@ TABLE = (
     Gate(LOOK, DRIVEN, "State, bit 0x0400", "joints that are being driven", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOK, SEATED, "State, for leg lengths, `walk_mode`, `injury_mode`", "standing", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOKS, REBOOT, "BootTime", "BootTime that went back", CheckFailed, "not-still", "", "dossier 6.2"),
-    Gate(LOOKS, FRESH, "BootTime against this computer's clock", "a difference of 50 ms, because the values are not fresh", CheckFailed, "not-still", "", "dossier 6.2"),
+    Gate(LOOKS, FRESH, "BootTime against this computer's clock", f"a difference of {WITHIN_MS} ms, because the values are not fresh", CheckFailed, "not-still", "", "dossier 6.2"),
     Gate(LOOKS, SPEED, "hips and knees", "5 deg/s or more", CheckFailed, "not-still", "", "dossier 6.2"),
 )  # fmt: skip
 GATES = {gate.name: gate for gate in TABLE}

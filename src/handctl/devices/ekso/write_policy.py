@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from handctl.devices.ekso.parameter_map import ASSIST, SETTINGS, Word
 from handctl.fast_classes import NamedTuple
+from handctl.model.device_clock import WITHIN_MS
 from handctl.model.result import Column, Row, Table
-from handctl.model.sampling import WITHIN_MS
 
 READS_APART = 0.1
 """Seconds between the two readings that show whether the wearer moves."""

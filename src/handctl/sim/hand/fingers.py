@@ -25,6 +25,7 @@ STIFFNESS = 20.0  # g per thousandth of the way that an object is pressed
 GENTLE, OVERSHOOT = 25, 3.44
 HOLDING = 0.3  # mA more than at rest for each g
 STROKE = 2000
+FULL_STROKE = {"df": 0.8, "tp": 0.6, "f1": 1.0, "dg2": 1.0}  # s from end to end at the highest speed, by generation
 
 
 class Finger(Servo):

@@ -114,7 +114,7 @@ class Generation:
     unit      bytes that one address counts
     names     of its fingers or motors
     ends      angle closed and open, of each finger
-    full      s from end to end at the speed `fast`
+    fast      the speed at which fingers take `FULL_STROKE` s
     speeds    bit/s by speed code, on the serial pair
     """
 
@@ -126,7 +126,6 @@ class Generation:
         unit: int = 1,
         names: tuple[str, ...] = FINGERS,
         ends: tuple[tuple[int, int], ...] = ((0, 1000),) * 6,
-        full: float,
         fast: int = 1000,
         speeds: tuple[int, ...],
         first: int = 0,
@@ -137,7 +136,6 @@ class Generation:
         self.unit = unit
         self.names = names
         self.ends = ends
-        self.full = full
         self.fast = fast
         self.speeds = speeds
         self.first_angle = first
@@ -156,11 +154,11 @@ class Generation:
 _NEW_SPEEDS = (115200, 57600, 19200, 921600)
 _F1_ENDS = ((900, 1740),) * 4 + ((1100, 1400), (600, 1800))
 GENERATIONS = {
-    "df": Generation("df", DF, full=0.8, speeds=(115200, 57600, 19200)),
-    "tp": Generation("tp", TP, full=0.6, speeds=_NEW_SPEEDS),
-    "f1": Generation("f1", F1, unit=2, ends=_F1_ENDS, full=1.0, fast=2000, speeds=_NEW_SPEEDS, first=1001),
+    "df": Generation("df", DF, speeds=(115200, 57600, 19200)),
+    "tp": Generation("tp", TP, speeds=_NEW_SPEEDS),
+    "f1": Generation("f1", F1, unit=2, ends=_F1_ENDS, fast=2000, speeds=_NEW_SPEEDS, first=1001),
     "dg2": Generation(
-        "dg2", DG2, unit=2, names=MOTORS, ends=((500, 1800),) * 13, full=1.0, fast=2000, speeds=_NEW_SPEEDS, first=1200
+        "dg2", DG2, unit=2, names=MOTORS, ends=((500, 1800),) * 13, fast=2000, speeds=_NEW_SPEEDS, first=1200
     ),
 }
 

@@ -12,7 +12,7 @@ import struct
 from handctl.number_parsing import number_in
 from handctl.sim.engine.simulated_device import Model, Options, Random
 from handctl.sim.hand import MODELS, register_maps
-from handctl.sim.hand.fingers import Body, Finger
+from handctl.sim.hand.fingers import FULL_STROKE, Body, Finger
 from handctl.sim.hand.register_maps import FACTORY_ADDRESS, GENERATIONS, MEMORY, Generation
 from handctl.sim.inspire.actuator_faults import apply_faults, fault_help, start_hot
 from handctl.sim.inspire.frames import Asked
@@ -126,7 +126,9 @@ class Hand:
         self.events: list[tuple[str, float]] = []  # "saved" or "calibrated", and when its end is told
         self.space = Space(self._rows(), MEMORY)
         fingers = [
-            Finger(ends, found, (ends[1] - ends[0]) / generation.full / generation.fast, float(given["limit"]))
+            Finger(
+                ends, found, (ends[1] - ends[0]) / FULL_STROKE[generation.name] / generation.fast, float(given["limit"])
+            )
             for ends, found in zip(generation.ends, readings, strict=True)
         ]
         self.body = Body(random, generation, given["jitter"], fingers)

@@ -46,7 +46,7 @@ _HAND = tuple(
     for word, place, size, count, access, low, high in register_maps.DF
     if place < 2000
 )
-GENERATION = register_maps.Generation("df", _HAND, full=0.8, speeds=(115200, 57600, 19200))
+GENERATION = register_maps.Generation("df", _HAND, speeds=(115200, 57600, 19200))
 # What is in the hand's flash when it leaves the factory: current limits, speeds and forces after power-on.
 _FACTORY: dict[str, tuple[int, ...]] = {
     "current-limit": (1501, 1502, 1503, 1504, 1505, 1506),

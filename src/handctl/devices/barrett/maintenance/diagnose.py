@@ -25,6 +25,7 @@ from handctl.devices.barrett.maintenance.health_limits import Finding, verdict
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
 from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, NO_GAUGE, OFF, standard, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import CHECKED
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,
@@ -193,7 +194,7 @@ def odometer(patient: ExaminedHand) -> list[Finding]:
 def strain_(patient: ExaminedHand) -> list[Finding]:
     """No-load readings against 100 to 140; skipped when the fingers are not open."""
     loaded = strain_gauges.loaded_fingers(patient.hand)
-    found = health_limits.no_load(strain_gauges.measure(patient.hand, 5))
+    found = strain_gauges.no_load(strain_gauges.measure(patient.hand, 5))
     if not loaded:
         return found
     remedy, why = (
@@ -506,7 +507,7 @@ def _timed(patient: ExaminedHand, text: str, prompts: Prompts) -> float:
     """Seconds from sending a movement to its prompt. Raises what the hand refuses, Interrupted after Ctrl-C."""
     link = patient.hand.link
     begin = link.now()
-    with patient.hand.driven(prompts, powered=True, what=f"in {text}: "):
+    with patient.hand.driven(prompts, powered=CTRL_C_KEEPS_POWER, what=f"in {text}: "):
         patient.hand.do(text)
     return link.now() - begin
 
@@ -570,7 +571,7 @@ def strain_curve(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[F
                 seen[row["motor"]].append(row["strain"])
     _moved(patient, digits, "O", None, prompts)
     found = []
-    width = health_limits.NO_LOAD[1] - health_limits.NO_LOAD[0]
+    width = strain_gauges.NO_LOAD[1] - strain_gauges.NO_LOAD[0]
     for motor, values in seen.items():
         check, source = f"strain_curve.{motor}", "barrett §8, §9.4"
         if not values or set(values) == {NO_GAUGE}:

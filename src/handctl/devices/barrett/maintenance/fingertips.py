@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, implausible
+from handctl.devices.barrett.realtime.joint_angles import AFTER, BEFORE, Joints, joints
 from handctl.devices.barrett.status_and_parameter_views import (
     DOUBT,
     MOTOR,
@@ -45,7 +46,7 @@ LIMITS = (180.0, 140.0, 48.0)
 """Largest angles of the spread, the inner and the outer link without an object (§9.6)."""
 TOLERANCE = 0.4
 """Degrees beyond an end that are still at it: 50 counts of a finger, the factory's MPE (§5.3.4)."""
-BEFORE, AFTER, ASSUMED = "before breakaway", "after breakaway", "assumed before breakaway"
+ASSUMED = "assumed before breakaway"
 COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("limit", "Limit", right=True), Column("state", "Breakaway"), DOUBT)
 JOINTS = ("joint_spread", "joint_inner", "joint_outer")
 RANGES = {name: (0.0, limit) for name, limit in zip(JOINTS, LIMITS, strict=True)}
@@ -70,31 +71,12 @@ def breakaways(texts: Sequence[str]) -> dict[str, int]:
     return found
 
 
-class Joints(NamedTuple):
-    """Joint angles of one finger in degrees: spread (1), inner link (2), outer link (3); 0 = spread and finger open."""
-
-    spread: float
-    inner: float
-    outer: float
-
-
 class Point(NamedTuple):
     """A place in mm; z points out of the palm."""
 
     x: float
     y: float
     z: float
-
-
-def joints(finger: str, position: float, spread: float, breakaway: float | None = None) -> Joints:
-    """Motor positions in counts -> joint angles (Eq. 4; Eq. 5 from `breakaway` on, the position where the clutch let go).
-
-    After breakaway the inner link stands and the outer one turns four times as fast. F3 does not spread.
-    """
-    turned = 0.0 if finger == "F3" else spread * 2 / 35
-    if breakaway is None:
-        return Joints(turned, position / 125, position / 375)
-    return Joints(turned, breakaway / 125, breakaway / 375 + (position - breakaway) * 4 / 375)
 
 
 def tip(finger: str, angles: Joints) -> Point:

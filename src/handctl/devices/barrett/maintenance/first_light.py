@@ -164,7 +164,7 @@ def _temperature(hand: BarrettHand) -> Observation:
 def _strain(hand: BarrettHand) -> Observation:
     if loaded := strain_gauges.loaded_fingers(hand):
         return Observation(None, f"not without load: {', '.join(loaded)}")
-    found = health_limits.no_load(strain_gauges.measure(hand, READINGS))
+    found = strain_gauges.no_load(strain_gauges.measure(hand, READINGS))
     if found[0].status == SKIPPED:
         return Observation("no gauges", found[0].evidence)
     wrong = [one.check.rpartition(".")[2] for one in found if one.status != OK]
@@ -176,7 +176,7 @@ def _grease(name: str, hand: BarrettHand) -> Observation:
     due: list[Row] = [row for row in rows if row["status"] != OK]
     text = "; ".join(f"{row['point']} {row['value']} strokes, {row['label']}" for row in due[:3])
     more = f"; and {len(due) - 3} more points" if len(due) > 3 else ""
-    return Observation("due" if due else "not due", (text or f"all below {health_limits.LUBRICATION} strokes") + more)
+    return Observation("due" if due else "not due", (text or f"all below {lubrication.STROKES_BETWEEN} strokes") + more)
 
 
 # -- movement --------------------------------------------------------------------------------------------------------
@@ -279,9 +279,9 @@ def steps_for(name: str, *, attended: bool) -> tuple[LightStep, ...]:
         LightStep(Proof("power-on", "not documented: a ':' of the boot monitor, then the banner (§3.7; dossier 16)", "':' banner", "listen from power-on to the prompt, and send nothing", partial(_power_on, attended=attended), alone=True)),
         LightStep(Proof("firmware", "VERS (§5.2.4); without firmware the boot monitor waits (§3.7)", (), "connect, then VERS", _firmware)),
         LightStep(Proof("settings", "factory values (§5.3, §5.4); decayed RAM is erratic (§3.7, §8)", "factory values", "every setting, read twice, against its factory value", _settings)),
-        LightStep(Proof("temperature", "40 to 60 °C is normal, 65 °C the limit (§2)", 65.0, "TEMP and OTEMP", _temperature, limit="most", measured=True)),
+        LightStep(Proof("temperature", f"40 to {health_limits.WARM} is normal, {health_limits.LIMIT} the limit (§2)", health_limits.LIMIT_TENTHS / 10, "TEMP and OTEMP", _temperature, limit="most", measured=True)),
         LightStep(Proof("init", "HI must be the first movement (§5.2.1)", "ready", "HI, one motor at a time", _initialize, MOVE, steps=_sends(*_alone("1234", "HI")), question="Each motor is initialized: the fingers OPEN fully, one at a time, and the spread turns. Keep people and things out of its reach"), homed=False),
-        LightStep(Proof("strain", "100 to 140 without load (§7.4); 255 = no gauge (§5.3.2)", ("in range", "no gauges"), "FGET SG with open fingers, several times", _strain)),
+        LightStep(Proof("strain", f"{strain_gauges.NO_LOAD[0]} to {strain_gauges.NO_LOAD[1]} without load (§7.4); 255 = no gauge (§5.3.2)", ("in range", "no gauges"), "FGET SG with open fingers, several times", _strain)),
         LightStep(Proof("origin", "HI sets the origin, and HOME goes there (§5.2.1)", "reached", "HOME, one motor at a time, then P", _origin, MOVE, steps=_sends(*_alone("1234", "HOME")), question="Each motor moves to position 0, one at a time. Keep clear")),
         LightStep(known["position-at-stop"]),
         LightStep(Proof("finger-speed", "open to closed in 1.0 s (appendix A); MOV, MCV and SAMPLE set the speed (§5.3)", "as set", "each finger alone: O, C, O", partial(_speed, (0, 1, 2)), MOVE, steps=_sends("123O", *_alone(early, *late)), question="Each finger OPENS, CLOSES fully and OPENS, one at a time. Keep hands and objects out of the hand")),

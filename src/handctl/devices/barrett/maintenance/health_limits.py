@@ -7,28 +7,23 @@ follow, a velocity above friction, and a way between OT and CT.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, GclParam, unmeasured
 from handctl.errors import Hint, joined
-from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
+from handctl.model.check_rows import FAIL, OK, WARNING
 from handctl.model.result import Row, command_key
-from handctl.wording import plural
 
 WARM_TENTHS, LIMIT_TENTHS = 600, 650
 """Normal up to 60 °C, never above 65 °C (§2)."""
-NO_LOAD = (100, 140)
-"""Strain reading without load (§7.4)."""
+WARM, LIMIT = f"{WARM_TENTHS / 10:g} °C", f"{LIMIT_TENTHS / 10:g} °C"
+SET_LIMIT = f"barrett set OTEMP={LIMIT_TENTHS}"
 NOT_INITIALIZED = 4
 LEAST_VELOCITY = 40
 """Below it a motor may not overcome its friction (§8)."""
-LUBRICATION = 5000
-"""Strokes between two greasings (Table 6)."""
-SOON = 0.8
-"""Share of an interval from which on the work is announced."""
 NO_SENSOR = "power-cycle the hand. If it happens again, ask the vendor about the temperature sensor"
 COOL = Hint("let it cool, and free the spread: {}", "barrett stop --motors S")
 HARD = ("IVEL", "IHIT", "IOFF", "TSTOP", "FIP", "SAMPLE", "SGFLIP")
@@ -72,37 +67,39 @@ def temperature(tenths: int) -> Finding:
     """The CPU board's temperature now."""
     text, cool = f"{tenths / 10:.1f} °C", COOL
     if unmeasured(tenths):
-        evidence = f"{text}: cannot be, so heat cannot be detected"
+        evidence = f"{text} is impossible, so overheating cannot be detected"
         return Finding("temperature", FAIL, evidence, NO_SENSOR, "barrett §5.4.2")
     if tenths > LIMIT_TENTHS:
-        return Finding("temperature", FAIL, f"{text}: above 65 °C, the limit", cool, "barrett §2")
+        return Finding("temperature", FAIL, f"{text}: above {LIMIT}, the limit", cool, "barrett §2")
     if tenths > WARM_TENTHS:
-        return Finding("temperature", WARNING, f"{text}: normal is 40 to 60 °C, the limit is 65 °C", cool, "barrett §2")
-    return Finding("temperature", OK, f"{text}, limit 65 °C", source="barrett §2")
+        return Finding(
+            "temperature", WARNING, f"{text}: normal is 40 to {WARM}, the limit is {LIMIT}", cool, "barrett §2"
+        )
+    return Finding("temperature", OK, f"{text}, limit {LIMIT}", source="barrett §2")
 
 
 def peak(tenths: int) -> Finding:
     """The highest temperature of its life."""
     check, text = "peak_temperature", f"{tenths / 10:.1f} °C"
     if tenths < LIMIT_TENTHS:
-        return Finding(check, OK, f"{text}, limit 65 °C", source="barrett §5.4.2")
-    remedy = "set OTEMP between 600 and 650 and TSTOP to at most 30, and let the spread idle"
-    return Finding(check, WARNING, f"{text} was reached once, and the limit is 65 °C", remedy, "barrett §2")
+        return Finding(check, OK, f"{text}, limit {LIMIT}", source="barrett §5.4.2")
+    remedy = f"set OTEMP between {WARM_TENTHS} and {LIMIT_TENTHS} and TSTOP to at most 30, and let the spread idle"
+    return Finding(check, WARNING, f"{text} was reached once, and the limit is {LIMIT}", remedy, "barrett §2")
 
 
 def over_temperature_limit(tenths: int) -> Finding:
     """OTEMP: tenths of a degree, 0 = off, which is the factory's value."""
     check, source = "over_temperature_limit", "barrett §5.4.1"
     if tenths == 0:
-        remedy = Hint("{} stops movements at 65 °C", "barrett set OTEMP=650")
+        remedy = Hint(f"{{}} stops movements at {LIMIT}", SET_LIMIT)
         return Finding(check, OK, "OTEMP is 0, the factory value, so the hand does not protect itself", remedy, source)
     if tenths < 300:
         meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
-        remedy = Hint("{}: the unit is 0.1 °C", "barrett set OTEMP=650")
+        remedy = Hint("{}: the unit is 0.1 °C", SET_LIMIT)
         return Finding(check, FAIL, f"OTEMP {tenths} is {tenths / 10:.1f} °C: movements fail{meant}", remedy, source)
     if tenths > LIMIT_TENTHS:
-        evidence = f"OTEMP {tenths / 10:.1f} °C is above the hand's limit of 65 °C"
-        return Finding(check, WARNING, evidence, Hint("{}", "barrett set OTEMP=650"), source)
+        evidence = f"OTEMP {tenths / 10:.1f} °C is above the hand's limit of {LIMIT}"
+        return Finding(check, WARNING, evidence, Hint("{}", SET_LIMIT), source)
     return Finding(check, OK, f"OTEMP {tenths / 10:.1f} °C", source=source)
 
 
@@ -113,32 +110,6 @@ def motor_status(motor: str, code: int) -> Finding:
         return Finding(check, OK, "ready", source=source)
     worst = code & ~(4 | 16 | 16384)
     return Finding(check, FAIL if worst else WARNING, explain_status(code), hint_for(worst or code), source)
-
-
-def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> list[Finding]:
-    """Strain readings per finger against 100 to 140. 255 everywhere is a hand without gauges, which is no defect."""
-    if all(value == NO_GAUGE for values in readings.values() for value in values):
-        return [Finding(check, SKIPPED, "no strain gauges: every reading is 255", source="barrett §5.3.2")]
-    found = []
-    for finger, values in readings.items():
-        name, source = f"{check}.{finger}", "barrett §7.4"
-        mean = sum(values) / len(values)
-        shown = f"mean {mean:.1f}, {min(values)} to {max(values)} in {plural(len(values), 'reading')}"
-        adjust = Hint("zero it at the balancing potentiometer: {}", "barrett strain --live")
-        if max(values) >= NO_GAUGE or min(values) <= 0:
-            remedy = "check the gauge, its wires and contact pins, and the finger's seat, then ask the vendor"
-            found.append(Finding(name, FAIL, f"{shown}: at the end of the scale", remedy, "barrett §7.3, §9.4"))
-        elif not NO_LOAD[0] <= mean <= NO_LOAD[1]:
-            found.append(Finding(name, WARNING, f"{shown}: outside 100 to 140", adjust, source))
-        else:
-            found.append(Finding(name, OK, shown, source=source))
-    return found
-
-
-def due(strokes: float) -> str:
-    """Status of a greasing point that has made `strokes` since its last greasing."""
-    share = strokes / LUBRICATION
-    return FAIL if share > 1 else WARNING if share >= SOON else OK
 
 
 def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
@@ -253,8 +224,8 @@ def _heat(at: At) -> list[Reason]:
     if not 0 < limit < now:
         return []
     if limit < 300:
-        meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= 650 else ""
-        return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", "barrett set OTEMP=650"))]  # fmt: skip
+        meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
+        return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", SET_LIMIT))]  # fmt: skip
     return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]  # fmt: skip
 
 

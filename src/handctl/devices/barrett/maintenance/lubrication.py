@@ -13,14 +13,13 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.maintenance import health_limits
-from handctl.devices.barrett.parameter_map import BARRETT, FINGERS
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, STROKE
 from handctl.devices.barrett.status_and_parameter_views import (
     LABEL,
     MOTOR,
     NAME,
     SECTION,
     STATUS,
-    STROKE,
     UNIT,
     VALUE,
     row_of,
@@ -28,12 +27,22 @@ from handctl.devices.barrett.status_and_parameter_views import (
 )
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import state_path
-from handctl.model.check_rows import FAIL, SKIPPED, TONES, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING
 from handctl.model.result import Cell, Grid, Row, Table
 
 FILE, WHAT = "barrett-greasing.json", "greasing journal"
+STROKES_BETWEEN = 5000
+"""Strokes between two greasings (Table 6)."""
+SOON = 0.8
+"""Share of an interval from which on the work is announced."""
 NEVER = "no greasing recorded, counted from new"
 WHOSE = "serial number 0, so the journal was not used (see --hand NAME), counted from new"
+
+
+def due(strokes: float) -> str:
+    """Status of a greasing point that has made `strokes` since its last greasing."""
+    share = strokes / STROKES_BETWEEN
+    return FAIL if share > 1 else WARNING if share >= SOON else OK
 
 
 class GreasePoint(NamedTuple):
@@ -141,18 +150,16 @@ class MaintenanceLog:
 
     def _point(self, point: GreasePoint, motor: str, entry: dict[str, Any] | None) -> Row:
         since = self.strokes(motor, self.at["OD", motor] - (entry["odometer"] if entry is not None else 0))
-        left = int(health_limits.LUBRICATION - since)
+        left = int(STROKES_BETWEEN - since)
         never = WHOSE if self.ambiguous else NEVER
         when = f"greased {entry['date']}" if entry is not None else never
         name = f"lubrication_{point.name.replace('-', '_')}"
         label = f"{when}; {f'due in {left}' if left >= 0 else f'overdue by {-left}'}"
-        done = _row(
-            name, "OD", motor, int(since), "strokes", status=health_limits.due(since), label=label, source=point.source
-        )
+        done = _row(name, "OD", motor, int(since), "strokes", status=due(since), label=label, source=point.source)
         return done | {
             "point": f"{point.name}.{motor}",
             "title": point.title,
-            "due_at": health_limits.LUBRICATION,
+            "due_at": STROKES_BETWEEN,
             "greased": entry["date"] if entry is not None else None,
         }
 
@@ -251,7 +258,7 @@ def view(rows: list[Row]) -> list[Grid]:
     return [
         Grid(("Motor", "Odometer", "Strokes", "Cycles"), way, right=frozenset({1, 2, 3})),
         Grid(
-            ("Point", "Lubrication", "Strokes", "Status", f"Due at {health_limits.LUBRICATION}"),
+            ("Point", "Lubrication", "Strokes", "Status", f"Due at {STROKES_BETWEEN}"),
             greasing,
             right=frozenset({2}),
             notes=(*when, *sections),

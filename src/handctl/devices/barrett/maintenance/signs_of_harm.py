@@ -40,7 +40,7 @@ def heat(hand: BarrettHand) -> tuple[int, int]:
     at = hand.by_name("TEMP", "OTEMP", dispensable=("OTEMP",))
     now, limit = at["TEMP", None], at.get(("OTEMP", None), 0)
     if unmeasured(now):
-        text = f"{hand.link.name}: TEMP {now / 10:.1f} °C cannot be, so heat cannot be detected (barrett §5.4.2)"
+        text = f"{hand.link.name}: TEMP {now / 10:.1f} °C is impossible, so overheating cannot be detected (barrett §5.4.2)"
         raise SignOfHarm(text, hint=health_limits.NO_SENSOR, code="unread")
     return now, min(limit or health_limits.LIMIT_TENTHS, health_limits.LIMIT_TENTHS)
 

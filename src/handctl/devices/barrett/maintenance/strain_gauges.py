@@ -5,21 +5,26 @@ A reading is without load only when the fingers stand open at their stops; `prep
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.maintenance import health_limits, symptoms
+from handctl.devices.barrett.maintenance import symptoms
+from handctl.devices.barrett.maintenance.health_limits import Finding
 from handctl.devices.barrett.parameter_map import FINGERS, NO_GAUGE
 from handctl.devices.barrett.status_and_parameter_views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed, Hint
-from handctl.model.check_rows import SKIPPED, TONES, WARNING
+from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING
 from handctl.model.movement import ANY
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.wording import plural
 
+NO_LOAD = (100, 140)
+"""Strain reading without load (§7.4)."""
 READINGS = 20
 OPEN_WITHIN = 250
 """Counts from the open target that count as open: two degrees of the inner link."""
@@ -38,6 +43,26 @@ COLUMNS = (
     STATUS,
     Column("evidence", "Seen"),
 )
+
+
+def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> list[Finding]:
+    """Strain readings per finger against `NO_LOAD`. 255 everywhere is a hand without gauges, which is no defect."""
+    if all(value == NO_GAUGE for values in readings.values() for value in values):
+        return [Finding(check, SKIPPED, "no strain gauges: every reading is 255", source="barrett §5.3.2")]
+    found = []
+    for finger, values in readings.items():
+        name, source = f"{check}.{finger}", "barrett §7.4"
+        mean = sum(values) / len(values)
+        shown = f"mean {mean:.1f}, {min(values)} to {max(values)} in {plural(len(values), 'reading')}"
+        adjust = Hint("zero it at the balancing potentiometer: {}", "barrett strain --live")
+        if max(values) >= NO_GAUGE or min(values) <= 0:
+            remedy = "check the gauge, its wires and contact pins, and the finger's seat, then ask the vendor"
+            found.append(Finding(name, FAIL, f"{shown}: at the end of the scale", remedy, "barrett §7.3, §9.4"))
+        elif not NO_LOAD[0] <= mean <= NO_LOAD[1]:
+            found.append(Finding(name, WARNING, f"{shown}: outside {NO_LOAD[0]} to {NO_LOAD[1]}", adjust, source))
+        else:
+            found.append(Finding(name, OK, shown, source=source))
+    return found
 
 
 def preparation_steps() -> list[Step]:
@@ -97,7 +122,7 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
     """Statistics and verdict; with `check`, a reading outside is exit 7."""
     loaded = {text.partition(" ")[0]: text for text in warn_if_loaded(hand)}
     readings = measure(hand)
-    verdicts = health_limits.no_load(readings)
+    verdicts = no_load(readings)
     rows = []
     for number, finger in enumerate(FINGERS):
         verdict = verdicts[number if len(verdicts) > 1 else 0]
@@ -107,8 +132,8 @@ def table(hand: BarrettHand, *, check: bool) -> Table:
             "min": min(values),
             "max": max(values),
             "readings": len(values),
-            "low": health_limits.NO_LOAD[0],
-            "high": health_limits.NO_LOAD[1],
+            "low": NO_LOAD[0],
+            "high": NO_LOAD[1],
             "fingers_open": not loaded,
             "doubt": "no gauge" if none else f"may be loaded: {loaded[finger]}" if finger in loaded else None,
         }
@@ -165,7 +190,7 @@ def _adjusting(hand: BarrettHand) -> list[Row]:
 
 def deviation(value: int) -> tuple[int | None, str]:
     """How far a reading is outside 100 to 140, signed, and in words; None without a gauge."""
-    low, high = health_limits.NO_LOAD
+    low, high = NO_LOAD
     if value == NO_GAUGE:
         return None, "no gauge"
     if value > high:
@@ -178,7 +203,7 @@ def deviation(value: int) -> tuple[int | None, str]:
 def stream(hand: BarrettHand, **timing: Any) -> Table:
     """Readings as a stream: the bar's ends are 100 and 140, and half full is the middle of the window."""
     warn_if_loaded(hand)
-    low, high = health_limits.NO_LOAD
+    low, high = NO_LOAD
     return live(
         hand,
         partial(_adjusting, hand),

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.options import InFile, OutFile, WholeRange, mark_options, streaming, suspendable
+from handctl.command.option_types import InFile, OutFile, WholeRange
+from handctl.command.options import mark_options, streaming, suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.parameter_map import BARRETT, TRAVEL
@@ -17,6 +18,7 @@ from handctl.devices.barrett.status_and_parameter_views import DOUBT, MOTOR, NAM
 from handctl.errors import UsageError
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
+from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.device import BarrettHand
@@ -115,7 +117,7 @@ def add_realtime(group: Group) -> None:
         "--init", "initialize", is_flag=True, help="First initialize the motors (HI): the fingers open fully."
     )
     @click.option("--hold", is_flag=True, help="Leave the motors powered at the end.")
-    @suspendable
+    @suspendable(HEARTBEAT_TIMEOUT)
     @streaming(0.0)
     def realtime(
         run: Run,

@@ -1,4 +1,4 @@
-"""Joint angles of the RealTime loop, from the motor counts of each block (barrett §9.5, Eq. 4). Sends nothing by itself.
+"""Joint angles from motor counts (barrett §9.5, Eq. 4 and 5), and those of the RealTime loop, from the counts of each block. Sends nothing by itself.
 
 A clutch that lets go locks the inner link, and the outer link turns four times as fast; its angle means something only while the finger
 moves. The loop does not show when that happens. So the outer angle is given only as long as it is certain that the clutch holds: the
@@ -8,10 +8,10 @@ firmware said so before the loop (BD 0), and the motor has not been driven to cl
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.maintenance.fingertips import AFTER, BEFORE, joints
 from handctl.devices.barrett.parameter_map import BARRETT, gcl_name
 from handctl.devices.barrett.realtime.blocks import Values
 from handctl.devices.barrett.status_and_parameter_views import row_of
@@ -19,7 +19,26 @@ from handctl.errors import NotPresent
 from handctl.model.result import Row
 
 SPREAD = 3
-UNKNOWN = "breakaway unknown"
+BEFORE, AFTER, UNKNOWN = "before breakaway", "after breakaway", "breakaway unknown"
+
+
+class Joints(NamedTuple):
+    """Joint angles of one finger in degrees: spread (1), inner link (2), outer link (3); 0 = spread and finger open."""
+
+    spread: float
+    inner: float
+    outer: float
+
+
+def joints(finger: str, position: float, spread: float, breakaway: float | None = None) -> Joints:
+    """Motor positions in counts -> joint angles (Eq. 4; Eq. 5 from `breakaway` on, the position where the clutch let go).
+
+    After breakaway the inner link stands and the outer one turns four times as fast. F3 does not spread.
+    """
+    turned = 0.0 if finger == "F3" else spread * 2 / 35
+    if breakaway is None:
+        return Joints(turned, position / 125, position / 375)
+    return Joints(turned, breakaway / 125, breakaway / 375 + (position - breakaway) * 4 / 375)
 
 
 class Angles:

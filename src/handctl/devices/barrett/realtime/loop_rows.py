@@ -26,10 +26,11 @@ from handctl.devices.barrett.realtime.joint_angles import Angles
 from handctl.devices.barrett.realtime.loop_flags import FlagRequest, Prepared
 from handctl.devices.barrett.status_and_parameter_views import NAME, UNIT, VALUE, row_of
 from handctl.errors import CheckFailed
+from handctl.model.device_clock import Moment
 from handctl.model.param import Number, scale_of
 from handctl.model.prompts import CTRL_C
 from handctl.model.result import Grid, RoundTrips, Row, Sample, Table
-from handctl.model.sampling import Moment, started
+from handctl.model.sampling import started
 
 if TYPE_CHECKING:
     from handctl.command.run import Run

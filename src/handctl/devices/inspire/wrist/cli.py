@@ -10,11 +10,12 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.options import REPLY_WAIT, SECONDS
+from handctl.command.option_types import SECONDS
+from handctl.command.options import REPLY_WAIT
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
-from handctl.devices.inspire.register_map import BAUD_RATES, WRIST, address_in
+from handctl.devices.inspire.register_map import BAUD_RATES, PITCH_RANGE, WRIST, YAW_RANGE, address_in
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.device import Wrist
 from handctl.link import ByteLink, FrameLink
@@ -89,8 +90,10 @@ def hand_read(run: Run, address: str, count: int) -> Table:
 
 
 @cli.verb("move", "Move", writes=True)
-@click.option("--pitch", metavar="DEG", help="Pitch from -22.66 to 22.12 degrees, two decimals.")
-@click.option("--yaw", metavar="DEG", help="Yaw from -25.50 to 25.50 degrees, two decimals.")
+@click.option(
+    "--pitch", metavar="DEG", help=f"Pitch from {PITCH_RANGE[0]:.2f} to {PITCH_RANGE[1]:.2f} degrees, two decimals."
+)
+@click.option("--yaw", metavar="DEG", help=f"Yaw from {YAW_RANGE[0]:.2f} to {YAW_RANGE[1]:.2f} degrees, two decimals.")
 @click.option("--time", metavar="MS", help="Movement time in ms (default: the time set in the wrist).")
 @click.option("--wait", type=SECONDS, metavar="S", help="Wait at most S seconds for the wrist to arrive.")
 @expect

@@ -1,4 +1,4 @@
-"""Errors as exit codes: every exception that ends a command becomes one message on stderr, an envelope if asked for, and an exit code."""
+"""Report what ended a command: every exception becomes one message on stderr, an envelope if asked for, and its exit code. Which code an error has stands in `errors`."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def typed_command(args: Sequence[str]) -> tuple[str, click.Command]:
     return " ".join(names), node
 
 
-def exit_code(ended: BaseException, args: Sequence[str]) -> int:
+def report_and_exit_code(ended: BaseException, args: Sequence[str]) -> int:
     """How the command line `args` ended: one message on stderr for every error, and its exit code."""
     debug = "--debug" in args or bool(os.environ.get("HANDCTL_DEBUG"))
     streams, command = False, ""
