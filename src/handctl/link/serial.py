@@ -18,7 +18,7 @@ from handctl.errors import Hint, LinkError, UsageError
 from handctl.link.base import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, ports
-from handctl.system.waits import readable, writable
+from handctl.system.waits import read_ready, readable, writable
 from handctl.wording import plural
 
 WRITE_SECONDS = 2.0
@@ -234,9 +234,9 @@ class SerialLink(ByteLink):
                 return self._read_slices(deadline, size)
             if not readable(self._fd, deadline.remaining):
                 return b""
-            data = os.read(self._fd, size)
+            data = read_ready(self._fd, size)
         except BlockingIOError:
-            return b""
+            return b""  # another reader was faster: a stop, while this has the port
         except (serial.SerialException, OSError, TypeError) as exc:
             # TypeError: what pyserial raises when the port is torn down in the middle of a read.
             raise self._lost(exc) from exc

@@ -24,7 +24,7 @@ from can.interfaces.slcan import slcanBus
 
 from handctl.system import clock
 from handctl.system.ports import descriptor
-from handctl.system.waits import readable, writable
+from handctl.system.waits import read_ready, readable, writable
 
 BEL = 7
 ANSWER_SECONDS = 1.0
@@ -205,7 +205,7 @@ class SlcanBus(slcanBus):
             if not readable(self._terminal, max(0.0, end - clock.now())):
                 return False
             try:
-                data = os.read(self._terminal, LONGEST)
+                data = read_ready(self._terminal, LONGEST)
             except BlockingIOError:
                 return True  # another reader was faster: a stop, while this has the port
             if not data:

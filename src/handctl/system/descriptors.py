@@ -67,7 +67,7 @@ if sys.platform == "win32":
 else:
     import os
 
-    from handctl.system.waits import readable, writable
+    from handctl.system.waits import read_ready, readable, writable
 
     def write(descriptor: int, data: bytes, seconds: float) -> int:
         """Write what goes within `seconds`; returns how much. Raises BlockingIOError where nothing goes, OSError."""
@@ -82,6 +82,6 @@ else:
         """What has arrived, waiting `seconds` for the first; b"" at the end. Raises BlockingIOError on silence, OSError."""
         if not readable(descriptor, seconds):
             raise BlockingIOError
-        return os.read(descriptor, size)
+        return read_ready(descriptor, size)
 
     close = os.close

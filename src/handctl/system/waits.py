@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import sys
 from typing import Any
@@ -62,6 +63,17 @@ else:
         what.settimeout(seconds)
         what.connect(address)
         what.setblocking(False)
+
+
+def read_ready(descriptor: int, size: int) -> bytes:
+    """What a descriptor has that is readable; b"" at its end. Raises OSError, BlockingIOError where another reader was faster.
+
+    A serial port gives b"" for that, too, as it does when it has gone: then it is no terminal any more.
+    """
+    data = os.read(descriptor, size)
+    if not data and os.isatty(descriptor):
+        raise BlockingIOError
+    return data
 
 
 # -- stdin, stdout, stderr and pipes --------------------------------------------------------------------------------------
