@@ -49,7 +49,7 @@ def take(handler: Handler, which: Iterable[int]) -> list[tuple[int, Any]]:
 def give_back(before: Iterable[tuple[int, Any]]) -> None:
     """Each has what it had before `take`."""
     for number, old in before:
-        _plain.signal(number, _plain.SIG_DFL if old is None else old)
+        _plain.signal(number, old if callable(old) else int(old or _plain.SIG_DFL))  # an enum of `signal`, too
 
 
 def taken(number: int) -> bool:
