@@ -65,15 +65,10 @@ else:
         what.setblocking(False)
 
 
-def read_ready(descriptor: int, size: int) -> bytes:
-    """What a descriptor has that is readable; b"" at its end. Raises OSError, BlockingIOError where another reader was faster.
-
-    A serial port gives b"" for that, too, as it does when it has gone: then it is no terminal any more.
-    """
-    data = os.read(descriptor, size)
-    if not data and os.isatty(descriptor):
-        raise BlockingIOError
-    return data
+def ended(descriptor: int) -> bool:
+    """Whether what was readable and gave nothing is at its end. A serial port gives nothing where another reader was faster, too:
+    one that has gone is no terminal any more."""
+    return not os.isatty(descriptor)
 
 
 # -- stdin, stdout, stderr and pipes --------------------------------------------------------------------------------------

@@ -572,7 +572,7 @@ class Line(Cable):
         hits, frame = reply.hits, self.device.twin(reply.data) if self.second else reply.data
         previous, self._previous = self._previous, frame
         if not hits:
-            self._queue(self._due(reply), [(0.0, self._step(), frame)])
+            self._send(self._due(reply), frame, hits)
             return
         if "silent" in hits:
             return
@@ -608,9 +608,6 @@ class Line(Cable):
                 count = self._random.between(1, max(1, len(data) // 2))
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
-        self._queue(due, pieces, hang)
-
-    def _queue(self, due: float, pieces: list[tuple[float, float, bytes]], hang: bool = False) -> None:
         self._out.append((due, pieces, hang, self.device.speed, self._client_baud))
         if len(self._out) > 1:
             self._out.sort(key=lambda entry: entry[0])
