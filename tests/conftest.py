@@ -71,6 +71,8 @@ def pytest_runtest_teardown(item: pytest.Item) -> Iterator[None]:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Collecting in less time is a plugin of its own, and what ends a test that hangs."""
+    if place := state.memory():
+        os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", place)
     config.pluginmanager.register(Collecting(KEPT))
     if config.pluginmanager.hasplugin("faulthandler"):
         config.pluginmanager.register(Hanging())

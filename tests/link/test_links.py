@@ -24,6 +24,7 @@ from handctl.errors import HandctlError, LinkError
 from handctl.link import ByteLink, Deadline, NoLink, open_link, port_users
 from handctl.link import serial as serial_module
 from handctl.link.port_users import Process
+from handctl.system import descriptors, waits
 from tests.support.cli import PATIENCE, run
 from tests.support.scripted import unhex
 
@@ -209,6 +210,32 @@ def test_a_port_that_goes_away_is_lost() -> None:
         with pytest.raises(LinkError) as caught:
             attempt()
         assert (caught.value.exit_code, caught.value.code) == (3, "lost")
+    link.close()
+
+
+@pytest.mark.real
+def test_a_port_is_not_lost_where_another_reader_was_faster(
+    terminal: tuple[int, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stop reads beside the command that has the port: what made it readable is gone then, and the port is not."""
+    ours, name = terminal
+    link = open_link(name)
+    raw_access = link.raw_access()
+    assert raw_access is not None
+
+    def faster(port: int, seconds: float) -> bool:
+        return waits.readable(port, seconds) and bool(os.read(raw_access.descriptor, 4096))
+
+    monkeypatch.setattr(serial_module, "readable", faster)
+    monkeypatch.setattr(descriptors, "readable", faster)
+    os.write(ours, READ_ID)
+    assert link.read(link.deadline(PATIENCE)) == b""
+    os.write(ours, READ_ID)
+    with pytest.raises(BlockingIOError):
+        descriptors.read(raw_access.descriptor, 4096, PATIENCE)
+    monkeypatch.undo()
+    os.write(ours, READ_ID)
+    assert all_of(link, len(READ_ID)) == READ_ID
     link.close()
 
 

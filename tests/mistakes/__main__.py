@@ -19,6 +19,7 @@ from pathlib import Path
 from tests.mistakes.seeded import foreign, prepare, run, seed
 from tests.mistakes.table import TOP, Mistake, Stale, mistakes
 from tests.mistakes.together import Outcomes, together
+from tests.support.own_state import memory
 
 
 def healthy(tests: Sequence[str]) -> Outcomes:
@@ -130,7 +131,7 @@ def main() -> int:
             print("".join(f"{'':<11}{test}\n" for test in one.tests), end="")
         return 0
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # looking for plugins takes each child as long as a test
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(dir=memory()) as folder:
         tempfile.tempdir = folder  # of the children, too: what they leave goes with it
         if args.find:
             find(some, args.find, args.jobs, Path(folder))

@@ -136,7 +136,9 @@ def schema() -> Draft202012Validator:
 
 
 KNOWN: set[object] = set()
-"""What the schema allows: rows by their shape, messages and writes as they are."""
+"""What the schema allows: rows, messages and writes by their shape."""
+FREE = frozenset({"text", "hint", "bytes", "meaning", "next", "evidence", "last"})
+"""Texts of messages and writes that may be anything."""
 
 
 def shape(row: Any) -> tuple[Any, ...]:
@@ -145,10 +147,17 @@ def shape(row: Any) -> tuple[Any, ...]:
     return kinds, str(row.get("t", "")).startswith("-")
 
 
+def told(part: Any) -> Any:
+    """All that the schema asks of a message or a step of a plan: of free text that it is text, of the rest what it is."""
+    if not isinstance(part, dict):
+        return repr(part)
+    return tuple((key, type(value), bool(value)) if key in FREE else (key, repr(value)) for key, value in part.items())
+
+
 def check_schema(envelope: Any) -> None:
     """Assert that an envelope is valid by the packaged schema."""
     new: dict[object, Any] = {}
-    for part, kind in (("rows", shape), ("messages", repr), ("writes", repr)):
+    for part, kind in (("rows", shape), ("messages", told), ("writes", told)):
         if items := envelope.get(part):
             found = {kind(item): item for item in items}
             left = [item for key, item in found.items() if key not in KNOWN or item.get("level") == "error"]
@@ -183,7 +192,7 @@ def _time(value: Any) -> str:
 
 def _messages(value: Any) -> Any:
     """Of one that is known to be right only its level: a failed command must have an error."""
-    return [one["level"] if repr(one) in KNOWN else one for one in value] if isinstance(value, list) else value
+    return [one["level"] if told(one) in KNOWN else one for one in value] if isinstance(value, list) else value
 
 
 ASKED: dict[str, Callable[[Any], Any]] = {

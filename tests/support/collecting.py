@@ -93,7 +93,7 @@ class Collecting:
         sys.dont_write_bytecode = self.kept
         # What was collected stays to the end: no collection during a test, nor in a child that it forks, looks at it.
         gc.freeze()
-        gc.set_threshold(20_000, 20, 20)  # a command makes some thousand objects, and nearly all go without it
+        gc.set_threshold(100_000, 20, 100)  # a command makes some thousand objects, and nearly all go without it
         gc.enable()
 
     @pytest.hookimpl(trylast=True)

@@ -12,6 +12,7 @@ import json
 import os
 import select
 import socket
+import sys
 import threading
 import time
 from collections import deque
@@ -24,9 +25,10 @@ from unittest import mock
 import click
 import serial
 
+from handctl.link.link_interface import Link
 from handctl.sim.cli import cli
 from handctl.sim.engine import serve
-from handctl.system import clock, terminal
+from handctl.system import clock, terminal, waits
 from tests.support.cli import PATIENCE
 
 TICK = 0.00002
@@ -54,6 +56,7 @@ class Clock:
         """Let all of handctl live by it."""
         with (
             mock.patch.object(clock, "now", self.now),
+            mock.patch.object(Link, "now", staticmethod(self.now)),  # bound when it was imported
             mock.patch.object(clock, "wall", self.wall),
             mock.patch.object(clock, "sleep", self.sleep),
             mock.patch.object(time, "sleep", self.sleep),
@@ -265,8 +268,21 @@ class Client:
     def flush(self) -> None:
         """What is written has gone."""
 
-    def fileno(self) -> int:
+    def fileno(self) -> Client:
+        """What the slcan adapter's bus gives to `wait`, which stands for the system's there."""
+        return self
+
+    def __int__(self) -> int:
         raise io.UnsupportedOperation("nothing waits for it but the loop")
+
+    def wait(self, seconds: float) -> bool:
+        """Until something has come, or the other end has gone; whether it is so."""
+
+        def there() -> bool:
+            self._take()
+            return self.gone or bool(self._came)
+
+        return there() or self._loop.until(there, seconds)
 
     def close(self) -> None:
         if self.is_open:
@@ -443,6 +459,9 @@ class Loop(Clock):
     # -- what stands for the system ---------------------------------------------------------------------------------------
 
     def _for_url(self, url: str, **options: Any) -> Client:
+        slcan: Any = sys.modules.get("handctl.link.slcan")
+        if slcan is not None and slcan.readable is waits.readable:
+            self._patches.enter_context(mock.patch.object(slcan, "readable", Client.wait))
         try:
             client = self.open(link=url)
         except ConnectionRefusedError as exc:

@@ -18,7 +18,7 @@ from handctl.errors import Hint, LinkError, UsageError
 from handctl.link.link_interface import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, serial_ports
-from handctl.system.waits import readable, writable
+from handctl.system.waits import ended, readable, writable
 from handctl.wording import plural
 
 WRITE_SECONDS = 2.0
@@ -243,9 +243,9 @@ class SerialLink(ByteLink):
         except (serial.SerialException, OSError, TypeError) as exc:
             # TypeError: what pyserial raises when the port is torn down in the middle of a read.
             raise self._lost(exc) from exc
-        if not data:
+        if not data and ended(self._fd):
             raise self._lost(None)
-        return data
+        return data  # b"" where another reader was faster: a stop, while this has the port
 
     def _read_slices(self, deadline: Deadline, size: int) -> bytes:
         """What has arrived: the port is asked for no more than it has, but where it may wait for itself."""

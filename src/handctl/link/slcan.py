@@ -24,7 +24,7 @@ from can.interfaces.slcan import slcanBus
 
 from handctl.system import clock
 from handctl.system.serial_ports import descriptor
-from handctl.system.waits import readable, writable
+from handctl.system.waits import ended, readable, writable
 
 BEL = 7
 ANSWER_SECONDS = 1.0
@@ -208,7 +208,7 @@ class SlcanBus(slcanBus):
                 data = os.read(self._terminal, LONGEST)
             except BlockingIOError:
                 return True  # another reader was faster: a stop, while this has the port
-            if not data:
+            if not data and ended(self._terminal):
                 raise can.CanOperationError("the adapter is gone")
             self._buffer.extend(data)
             return True

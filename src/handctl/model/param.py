@@ -101,6 +101,11 @@ class Param:
         """Number of elements, 1 for a scalar."""
         return len(self.elements) or 1
 
+    @cached_property
+    def each(self) -> tuple[Element, ...]:
+        """All elements, in wire order; made once, as each remembers its names."""
+        return tuple([Element(self, index) for index in range(self.count)])
+
     @property
     def path(self) -> str:
         """What `get` takes for it: its name, unless another quantity has the same."""
@@ -293,7 +298,7 @@ class ParamMap(Generic[P]):
         if part not in param.elements:
             known = ", ".join(param.elements) or "none: it is a single value"
             raise UsageError(f"{base} has no element {part!r}", hint=f"its elements: {known}", code="unknown-name")
-        return param, [Element(param, param.elements.index(part))]
+        return param, [param.each[param.elements.index(part)]]
 
     def _near(self, name: str) -> str:
         known = [known for one in self.every for known in (one.name, getattr(one, "mnemonic", "")) if known]
@@ -344,7 +349,7 @@ class ParamMap(Generic[P]):
 
 def elements_of(param: Param) -> list[Element]:
     """All elements of a parameter, in wire order."""
-    return [Element(param, index) for index in range(param.count)]
+    return [*param.each]
 
 
 class Reading(NamedTuple):

@@ -67,7 +67,7 @@ if sys.platform == "win32":
 else:
     import os
 
-    from handctl.system.waits import readable, writable
+    from handctl.system.waits import ended, readable, writable
 
     def write(descriptor: int, data: bytes, seconds: float) -> int:
         """Write what goes within `seconds`; returns how much. Raises BlockingIOError where nothing goes, OSError."""
@@ -82,6 +82,8 @@ else:
         """What has arrived, waiting `seconds` for the first; b"" at the end. Raises BlockingIOError on silence, OSError."""
         if not readable(descriptor, seconds):
             raise BlockingIOError
-        return os.read(descriptor, size)
+        if not (data := os.read(descriptor, size)) and not ended(descriptor):
+            raise BlockingIOError
+        return data
 
     close = os.close

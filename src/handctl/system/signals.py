@@ -18,7 +18,7 @@ from importlib import import_module
 from typing import Any
 
 _plain: Any = import_module("_signal")
-"""What `signal` wraps in enums: each line of a batch asks who has them."""
+"""What `signal` wraps in enums: each sample of a control loop takes all of these and gives them back."""
 Handler = Callable[[int, Any], None]
 
 ENDING = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGBREAK")
@@ -42,14 +42,14 @@ def take(handler: Handler, which: Iterable[int]) -> list[tuple[int, Any]]:
     before = [(number, _plain.getsignal(number)) for number in which]
     for number, old in before:
         if old is not handler:
-            signal.signal(number, handler)
+            _plain.signal(number, handler)
     return before
 
 
 def give_back(before: Iterable[tuple[int, Any]]) -> None:
     """Each has what it had before `take`."""
     for number, old in before:
-        signal.signal(number, signal.SIG_DFL if old is None else old)
+        _plain.signal(number, old if callable(old) else int(old or _plain.SIG_DFL))  # an enum of `signal`, too
 
 
 def taken(number: int) -> bool:
@@ -79,11 +79,11 @@ def held_back(which: Iterable[int]) -> Iterator[None]:
             yield
     else:
         try:
-            signal.pthread_sigmask(signal.SIG_BLOCK, which)
+            _plain.pthread_sigmask(signal.SIG_BLOCK, which)
             with _deferred(which):
                 yield
         finally:
-            signal.pthread_sigmask(signal.SIG_UNBLOCK, which)
+            _plain.pthread_sigmask(signal.SIG_UNBLOCK, which)
 
 
 @contextlib.contextmanager
@@ -94,12 +94,12 @@ def one_at_a_time(which: Iterable[int]) -> Iterator[None]:
         with _deferred(which):
             yield
     else:
-        before = signal.pthread_sigmask(signal.SIG_BLOCK, which)
+        before = _plain.pthread_sigmask(signal.SIG_BLOCK, which)
         try:
             with _deferred(which):
                 yield
         finally:
-            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+            _plain.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextlib.contextmanager
@@ -125,13 +125,13 @@ def _deferred(which: Iterable[int]) -> Iterator[None]:
     before = [(number, _plain.getsignal(number)) for number in which]
     try:
         for number, _ in before:
-            signal.signal(number, keep)
+            _plain.signal(number, keep)
         yield
     finally:
         for number, old in before:
             while _plain.getsignal(number) is keep:  # what was changed meanwhile stays
                 try:
-                    signal.signal(number, signal.SIG_DFL if old is None else old)
+                    _plain.signal(number, _plain.SIG_DFL if old is None else old)
                 except KeyboardInterrupt as exc:  # by a handler that is back already, before this one was
                     raised = exc
         for number in dict.fromkeys(came):
@@ -206,7 +206,7 @@ else:
 def alarm_is_over() -> None:
     """No alarm any more, not even one that is due and held back. Other threads than the main one hear of none."""
     with contextlib.suppress(ValueError):
-        no_alarm((number, signal.SIG_IGN) for number in _ALARM)
+        no_alarm((number, _plain.SIG_IGN) for number in _ALARM)
 
 
 def listen(pressed: Callable[[], None]) -> None:

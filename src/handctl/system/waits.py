@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import select
 import sys
 from typing import Any
@@ -62,6 +63,12 @@ else:
         what.settimeout(seconds)
         what.connect(address)
         what.setblocking(False)
+
+
+def ended(descriptor: int) -> bool:
+    """Whether what was readable and gave nothing is at its end. A serial port gives nothing where another reader was faster, too:
+    one that has gone is no terminal any more."""
+    return not os.isatty(descriptor)
 
 
 # -- stdin, stdout, stderr and pipes --------------------------------------------------------------------------------------

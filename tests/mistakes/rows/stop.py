@@ -31,7 +31,7 @@ ROWS = (
         "stop not sent",
         "handctl.system.signals",
         "_deferred",
-        "signal.signal(number, keep)",
+        "_plain.signal(number, keep)",
         "pass",
         "tests/system/test_signals.py::test_a_signal_that_another_thread_takes_waits_too",
     ),

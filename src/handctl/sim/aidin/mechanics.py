@@ -250,10 +250,9 @@ class Hand:
 
     def _shares(self) -> list[tuple[float, float, float]]:
         """(u, v, s) of each finger: m1 and m2 together bend (0..1), their difference spreads (-1..1), m3 curls (0..1)."""
-        rows = []
-        for finger in range(5):
-            m1, m2, m3 = (self.motors[3 * finger + place].reading() for place in range(3))
-            long, _, short = STROKES[finger]
+        rows, counts = [], self.encoders()
+        for finger, (long, _, short) in enumerate(STROKES):
+            m1, m2, m3 = counts[3 * finger : 3 * finger + 3]
             rows.append(((m1 + m2) / (2 * long), (m1 - m2) / long, m3 / short))
         return rows
 

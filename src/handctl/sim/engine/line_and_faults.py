@@ -571,6 +571,9 @@ class Line(Cable):
         """Applies the faults of the line to one reply."""
         hits, frame = reply.hits, self.device.twin(reply.data) if self.second else reply.data
         previous, self._previous = self._previous, frame
+        if not hits:
+            self._send(self._due(reply), frame, hits)
+            return
         if "silent" in hits:
             return
         if "twin-id" in hits:
