@@ -12,6 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from itertools import islice
 from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Protocol
 
@@ -56,6 +57,8 @@ PIECE = 1024
 """Characters that a pipe with room takes without waiting, at up to 4 bytes each."""
 MOST = 1 << 16
 """Characters that are kept until they are handed over."""
+TOGETHER = 100
+"""Lines of a finished text that are looked at together."""
 
 
 class Sink:
@@ -218,8 +221,9 @@ def show(table: Table | None, failure: HandctlError | None, sink: Sink, context:
         for row in rows:
             sink.write(_plain_line(table, _row_shown(row), tuple(moment)))
     elif table.spool is not None:
-        for line in lines:
-            sink.write(text_shown(line + "\n"))
+        texts = iter(lines)
+        while some := list(islice(texts, TOGETHER)):
+            sink.write(text_shown("\n".join(some) + "\n"))
     elif table.text is not None:
         sink.write(text_shown(table.text(rows)))
     else:
