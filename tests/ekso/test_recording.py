@@ -650,6 +650,23 @@ def test_ctrl_c_leaves_whole_rows(tmp_path: Path) -> None:
     assert recording.rows == len(table(path)) == 3
 
 
+@each_row("where", ["ask_ahead", "line", "on_row"])
+def test_ctrl_c_behind_an_answer_leaves_its_row_once(tmp_path: Path, where: str) -> None:
+    device = Device(steady(9))
+    recording = opened(tmp_path / "a.csv", device)
+    of: Any = {"ask_ahead": device, "line": device.layout, "on_row": recording}[where]
+    usual, calls = getattr(of, where), iter(range(9))
+
+    def interrupted(*args: Any) -> Any:
+        if next(calls) == 2:
+            raise KeyboardInterrupt
+        return usual(*args) if usual else None
+
+    setattr(of, where, interrupted)
+    assert isinstance(run(recording, Limits()), Interrupted)
+    assert [row["seq"] for row in table(tmp_path / "a.csv")] == ["1", "2", "3"] and recording.rows == 3
+
+
 def test_a_signal_waits_for_the_row() -> None:
     def stop(_number: int, _frame: object) -> None:
         raise KeyboardInterrupt

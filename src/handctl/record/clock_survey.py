@@ -144,7 +144,7 @@ class Survey:
 def survey(log: LogFile) -> Survey:
     """Read the log once. Raises UsageError as its `blocks` do, and for one without rows."""
     reading = Surveyor(log)
-    for block in log.blocks():
+    for block in log.blocks(None):
         reading.take({number: block.of(number) for number in sorted(set(block.segments))})
     reading.end()
     return reading.found
@@ -175,7 +175,7 @@ class Surveyor:
             segment.read(part.t_ms, mono, rtt, clocked=self.found.clocked)
             marks = part.columns[MARK]
             for at in [at for at, mark in enumerate(marks) if mark] if any(marks) else ():
-                notes, rest = self._notes(marks[at], self._row + at, segment)
+                notes, rest = self._notes(marks[at].decode(), self._row + at, segment)
                 self._marked.append((self._row + at, number, part.t_ms[at], utc[at], notes, rest))
             self._row += len(mono)
 

@@ -93,6 +93,11 @@ class Recording:
     def rows(self) -> int:
         return self.timeline.rows
 
+    @property
+    def seq(self) -> int | None:
+        """The number of the request that the last row answers."""
+        return self._last.seq if self._last else None
+
     def add(self, sample: Sample, seq: int) -> bool:
         """Write the row of a sample, with the pending mark; True when a segment begins with it that is not the first. Raises OutputError."""
         before = len(self.timeline.segments)

@@ -12,10 +12,10 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import compress, islice
 from math import isfinite, nan
-from operator import itemgetter
 from typing import Any, BinaryIO, NamedTuple
 
 from handctl.errors import Hint, UsageError
@@ -57,33 +57,60 @@ class Span(NamedTuple):
     rows: int
 
 
-def constant(texts: Sequence[str]) -> bool:
+def constant(column: Sequence[Any]) -> bool:
     """Whether all of a column is the same."""
-    return texts[0] == texts[-1] and texts.count(texts[0]) == len(texts)
+    return bool(column[0] == column[-1] and column.count(column[0]) == len(column))
 
 
-class Numbers(dict[str, Any]):
-    """What a text says, by one way to read it: a text that is not known yet is read and remembered. Raises ValueError as `read`."""
+class Known(dict[Any, Any]):
+    """What becomes of a value, by one way to make it: what is not known yet is made and remembered, for a device repeats itself."""
+
+    def __init__(self, make: Callable[[Any], Any]) -> None:
+        super().__init__()
+        self._make = make
+
+    def __missing__(self, value: Any) -> Any:
+        made = self[value] = self._make(value)
+        return made
+
+    def of(self, column: Sequence[Any]) -> list[Any]:
+        """That of a column."""
+        return [self[column[0]]] * len(column) if constant(column) else list(map(self.__getitem__, column))
+
+
+class Meanings(Known):
+    """What a text says, by one way to read it. Raises ValueError as `read`."""
+
+    def __init__(self, read: Callable[[str], Any]) -> None:
+        super().__init__(lambda text: read(text.decode()))
+
+
+class Checked(set[bytes]):
+    """The texts that `read` takes: what they say is not asked, which is quicker. Raises ValueError as `read`."""
 
     def __init__(self, read: Callable[[str], Any]) -> None:
         super().__init__()
         self._read = read
 
-    def __missing__(self, text: str) -> Any:
-        number = self[text] = self._read(text)
-        return number
+    def of(self, texts: Sequence[bytes]) -> list[Any]:
+        """Nothing, once all of a column are right."""
+        if not self.issuperset(texts[:1] if constant(texts) else texts):
+            for text in set(texts).difference(self):
+                self._read(text.decode())
+                self.add(text)
+        return []
 
-    def of(self, texts: Sequence[str]) -> Sequence[Any]:
-        """The numbers of a column."""
-        if constant(texts):
-            return [self[texts[0]]] * len(texts)
-        found: Sequence[Any] = itemgetter(*texts)(self)
-        return found
 
-    def forget(self) -> None:
-        """Keep the table small."""
-        if len(self) > MOST_KNOWN:
-            self.clear()
+def forget(tables: Iterable[Known | Checked]) -> None:
+    """Keep them small."""
+    for table in tables:
+        if len(table) > MOST_KNOWN:
+            table.clear()
+
+
+def a_number(_: Channel, __: str, number: float) -> float:
+    """What a text says in most cases: its number."""
+    return number
 
 
 def number_of(text: str) -> float:
@@ -96,24 +123,24 @@ def number_of(text: str) -> float:
 class Block:
     """Some rows that follow each other: their texts by column, device times, segments.
 
-    `text` is all of it as the recorder wrote it, but for the last line's end; "" where something is quoted or unusual.
-    `known` are the columns whose numbers are known already.
+    `text` is all of it as the recorder wrote it, but for the last line's end; empty where something is quoted or unusual.
+    `known` is what the device's columns say, as `LogFile.blocks` was asked.
     """
 
-    def __init__(self, columns: dict[str, Sequence[str]], text: str = "") -> None:
+    def __init__(self, columns: dict[str, Sequence[bytes]], text: bytes = b"") -> None:
         self.columns = columns
         self.text = text
         self.t_ms: list[int] = []
         self.segments: list[int] = []
-        self.known: dict[str, Sequence[float]] = {}
+        self.known: dict[str, Sequence[Any]] = {}
 
     def of(self, segment: int | None) -> Block:
         """Only the rows of a segment."""
         if segment is None or set(self.segments) == {segment}:
             return self
         keep = [number == segment for number in self.segments]
-        columns: dict[str, Sequence[str]] = {n: tuple(compress(texts, keep)) for n, texts in self.columns.items()}
-        found = Block(columns)
+        found = Block({name: tuple(compress(texts, keep)) for name, texts in self.columns.items()})
+        found.known = {name: list(compress(said, keep)) for name, said in self.known.items()}
         found.t_ms, found.segments = list(compress(self.t_ms, keep)), [segment] * sum(keep)
         return found
 
@@ -121,7 +148,7 @@ class Block:
         """A column as numbers, NaN where nothing was read."""
         if name not in self.known:
             texts = self.columns[name]
-            self.known[name] = list(map(number_of if "" in texts else float, texts))
+            self.known[name] = [float(texts[0])] * len(texts) if constant(texts) else list(map(float, texts))
         return self.known[name]
 
 
@@ -145,7 +172,8 @@ class LogFile:
         self.sidecar = _load_sidecar(f"{path}.json", schema(kind))
         self.cut = False
         """True when an unfinished last row was left out."""
-        self._numbers = Numbers(number_of)
+        self._say: Callable[[Channel, str, float], Any] | None = None
+        self._tables: dict[object, Meanings | Checked] = {}
         with opened(path, "a log", hint=Hint("{} makes one", f"{kind} log {path}")) as file:
             header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
         try:
@@ -230,8 +258,12 @@ class LogFile:
             code="segment",
         )
 
-    def blocks(self) -> Iterator[Block]:
-        """All rows, some hundred at a time, each checked. Raises UsageError with the number of the line."""
+    def blocks(self, say: Callable[[Channel, str, float], Any] | None = a_number) -> Iterator[Block]:
+        """All rows, some hundred at a time, each checked. Raises UsageError with the number of the line.
+
+        `say` is what a text of a channel becomes in `Block.known`; None = the channels are only checked.
+        """
+        self._say, self._tables = say, {}
         count = 0
         for block in self._blocks():
             if not count and self._began_elsewhere(block):
@@ -259,10 +291,7 @@ class LogFile:
             block = self._block(rows, data, last) or self._slowly(number, data, last)
             last = (block.segments[-1], block.t_ms[-1])
             yield block
-            self._forget()
-
-    def _forget(self) -> None:
-        self._numbers.forget()
+            forget(self._tables.values())
 
     def _pieces(self) -> Iterator[tuple[int, int, bytes]]:
         """The lines below the header, many at once: number of the first, how many, and all of them but for the last one's end."""
@@ -290,43 +319,57 @@ class LogFile:
     def _block(self, rows: int, data: bytes, last: tuple[int, int]) -> Block | None:
         """These rows, checked column by column; None where something in them is unusual."""
         try:
-            text = data.decode("utf-8")
+            data.decode("utf-8")
         except UnicodeDecodeError:
             return None
-        found = _columns(text, rows, len(self.names))
+        found = _columns(data, rows, len(self.names))
         if found is None:
             return None
-        whole = "" if '"' in text else text if text.endswith("\r") else text.replace("\n", "\r\n") + "\r"
+        whole = b"" if b'"' in data else data if data.endswith(b"\r") else data.replace(b"\n", b"\r\n") + b"\r"
         block = Block(dict(zip(self.names, found, strict=True)), whole)
         lead = {name: joined(block.columns[name], decimals) for name, decimals in self.lead}
         segments = block.columns["segment"]
         if None in lead.values() or not constant(segments) or not self._right(block):
             return None
-        block.t_ms, block.segments = integers(lead["t_s"] or ""), [int(segments[0])] * rows
+        block.t_ms, block.segments = integers(lead["t_s"] or b""), [int(segments[0])] * rows
         follows = last <= (block.segments[0], block.t_ms[0]) and block.segments[0] <= last[0] + 1
         return block if follows and block.t_ms == sorted(block.t_ms) else None
 
     def _right(self, block: Block) -> bool:
-        """Whether the device's columns are right."""
+        """Whether the device's columns are right; from then on it is known what they say."""
         try:
             for channel in self.channels:
-                block.known[channel.column] = self._numbers.of(block.columns[channel.column])
+                block.known[channel.column] = self._table(channel).of(block.columns[channel.column])
         except ValueError:
             return False
         return True
+
+    def _table(self, channel: Channel) -> Meanings | Checked:
+        """What the texts of a channel say: channels that are read in one way share it, unless each says it in its own."""
+        read, say = self.reader(channel.column), self._say
+        kind = channel.column if say not in (None, a_number) else read
+        if kind not in self._tables:
+            self._tables[kind] = Checked(read) if say is None else Meanings(lambda text: say(channel, text, read(text)))
+        return self._tables[kind]
+
+    def reader(self, column: str) -> Callable[[str], float]:
+        """What makes a text of a channel its number, or raises ValueError."""
+        return number_of
 
     def _slowly(self, number: int, data: bytes, last: tuple[int, int]) -> Block:
         """These rows, checked one by one."""
         rows, places = [], []
         at_segment, at_time = map(self.names.index, ("segment", "t_s"))
         for at, line in enumerate(data.split(b"\n"), number):
-            rows.append(fields := self._fields(at, line))
+            fields = self._fields(at, line)
+            rows.append([field.encode() for field in fields])
             place = int(fields[at_segment]), parse_fixed(fields[at_time], 3)
             if place < last or place[0] > last[0] + 1:
                 raise out_of_order(self.path, at)
             places.append(last := place)
         block = Block(dict(zip(self.names, zip(*rows, strict=True), strict=True)))
         block.segments, block.t_ms = map(list, zip(*places, strict=True))
+        self._right(block)
         return block
 
     def _fields(self, number: int, line: bytes) -> list[str]:
@@ -344,35 +387,37 @@ class LogFile:
         return fields
 
 
-def _columns(text: str, rows: int, width: int) -> Sequence[Sequence[str]] | None:
+def _columns(data: bytes, rows: int, width: int) -> Sequence[Sequence[bytes]] | None:
     """The fields of so many lines by column; None where one has another number of them, or not the end that all have."""
-    ends = text.count("\r")
-    if '"' in text:
+    ends = data.count(b"\r")
+    if b'"' in data:
+        text = data.decode()
         text = text.replace("\r\n", "\n").removesuffix("\r") if ends else text
         try:
             lines = [] if "\r" in text else list(csv.reader(text.split("\n"), strict=True))
         except csv.Error:
             return None
-        return list(zip(*lines, strict=True)) if len(lines) == rows and set(map(len, lines)) == {width} else None
-    flat = text.replace("\n", ",\n,").split(",")  # so the ends of the lines are a column as well
-    if len(flat) != rows * (width + 1) - 1 or flat[width :: width + 1].count("\n") != rows - 1:
+        if len(lines) != rows or set(map(len, lines)) != {width}:
+            return None
+        return [[field.encode() for field in column] for column in zip(*lines, strict=True)]
+    flat = data.replace(b"\n", b",\n,").split(b",")  # so the ends of the lines are a column as well
+    if len(flat) != rows * (width + 1) - 1 or flat[width :: width + 1].count(b"\n") != rows - 1:
         return None
     found = [flat[at :: width + 1] for at in range(width)]
     if ends:
-        last = "\n".join(found[-1]) + "\n"
-        if ends != rows or last.count("\r\n") != rows:
+        if ends != rows or not all(field.endswith(b"\r") for field in set(found[-1])):
             return None
-        found[-1] = last.replace("\r", "").split("\n")[:-1]
+        found[-1] = [field[:-1] for field in found[-1]]
     return found
 
 
 DIGITS = bytes.maketrans(b"123456789", b"0" * 9)
 
 
-def joined(texts: Sequence[str], decimals: int) -> str | None:
+def joined(texts: Sequence[bytes], decimals: int) -> bytes | None:
     """All of a column, a line each, if `parse_fixed` takes them: texts that differ only in their digits are looked at once."""
-    text = "\n".join(texts)
-    shape = text.encode().translate(DIGITS) + b"\n"
+    text = b"\n".join(texts)
+    shape = text.translate(DIGITS) + b"\n"
     one, _, _ = shape.partition(b"\n")
     shapes = {one} if shape == (one + b"\n") * len(texts) else set(shape[:-1].split(b"\n"))
     try:
@@ -383,9 +428,9 @@ def joined(texts: Sequence[str], decimals: int) -> str | None:
     return text
 
 
-def integers(text: str) -> list[int]:
+def integers(text: bytes) -> list[int]:
     """Numbers with a fixed number of decimals, a line each, as integers of the last one."""
-    return list(map(int, text.replace(".", "").split("\n")))
+    return list(map(int, text.replace(b".", b"").split(b"\n")))
 
 
 def fields_of(path: str, number: int, line: bytes, width: int) -> list[str]:
@@ -402,10 +447,14 @@ def fields_of(path: str, number: int, line: bytes, width: int) -> list[str]:
 
 def parse_fixed(text: str, decimals: int) -> int:
     """A number with exactly `decimals` decimals, as an integer of its last decimal. Raises ValueError."""
-    pattern = rf"-?[0-9]+\.[0-9]{{{decimals}}}" if decimals else "-?[0-9]+"
-    if len(text) > 32 or not re.fullmatch(pattern, text, re.ASCII):
+    if len(text) > 32 or not _fixed(decimals)(text):
         raise ValueError(f"{text!r} is not a number with {decimals} decimals")
     return int(text.replace(".", ""))
+
+
+@cache
+def _fixed(decimals: int) -> Callable[[str], object]:
+    return re.compile(rf"-?[0-9]+\.[0-9]{{{decimals}}}" if decimals else "-?[0-9]+", re.ASCII).fullmatch
 
 
 def damaged(path: str, line: int, what: str) -> UsageError:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.model.prompts import Prompts
-from handctl.record.csv_and_sidecar import Clock, Recording, changed, without_interrupts
+from handctl.record.csv_and_sidecar import Clock, Recording, changed
 from handctl.record.marks import Heard
 from handctl.record.row_source import Ended
 
 if TYPE_CHECKING:
     from handctl.model.result import Row
+    from handctl.record.row_source import Sample
 
 
 PROGRESS_S = 0.25
@@ -114,17 +115,23 @@ class Loop:
         self._over = False
         self._asked = False
         """Whether a request is without its answer."""
+        self._answer: Sample | None = None
+        """What the last request was answered with."""
 
     def run(self) -> HandctlError | None:
         """Record; what ended it before a limit, if anything. Never raises."""
         recording = self._recording
         try:
-            while self.wanted:
-                try:
-                    self.step()
-                except LinkError as exc:
-                    if exc.code != "lost" or not self.wait_for_port(exc):
-                        raise
+            try:
+                while self.wanted:
+                    try:
+                        self.step()
+                    except LinkError as exc:
+                        if exc.code != "lost" or not self.wait_for_port(exc):
+                            raise
+            except KeyboardInterrupt:
+                self._write()
+                raise
         except Ended:
             pass
         except KeyboardInterrupt:
@@ -153,10 +160,10 @@ class Loop:
             return
         recording = self._recording
         recording.pending += self._mark()
-        self._seq += 1
+        self._seq, self._answer = self._seq + 1, None
         self._asked = True
         try:
-            answer = self._source.sample()
+            self._answer = answer = self._source.sample()
         except (NoAnswer, ProtocolError) as exc:
             self._asked = False
             if exc.code == "deadline":  # it was not even sent
@@ -174,7 +181,7 @@ class Loop:
         self.pace.sent(answer.moment.sent)
         self._heard = self._clock.now()
         lost = self._ask_ahead()
-        if recording.add(answer, self._seq):
+        if self._write():
             self._begin_segment()
         if lost is not None:
             raise lost
@@ -187,17 +194,25 @@ class Loop:
         if self._source.looks and self._heard >= self._look_due:
             self._look()
 
-    def _ask_ahead(self) -> LinkError | None:
-        """Ask for the row after this one where it is wanted, and nothing else is asked first. A port that is lost is raised behind this row."""
+    def _write(self) -> bool:
+        """Write the row of what was answered, unless it is there already; see `Recording.add`."""
+        answer = self._answer
+        return answer is not None and self._recording.seq != self._seq and self._recording.add(answer, self._seq)
+
+    def _ask_ahead(self) -> LinkError | KeyboardInterrupt | None:
+        """Ask for the row after this one where it is wanted, and nothing else is asked first.
+
+        A port that is lost, and an interrupt, are raised behind this row. Nothing is held back for it: that takes longer than all
+        else between an answer and the next request, in which the line has nothing to do.
+        """
         limits = self._limits
         looks = self._source.looks and self._heard >= self._look_due
         last = self._heard >= self._end or (limits.rows is not None and self._recording.rows + 1 >= limits.rows)
         if limits.rate or limits.over is not None or looks or last:
             return None
         try:
-            with without_interrupts():
-                self._source.ask_ahead()
-        except LinkError as exc:
+            self._source.ask_ahead()
+        except (LinkError, KeyboardInterrupt) as exc:
             return exc
         return None
 

@@ -262,7 +262,8 @@ class DataPort(Line):
         if not self._settled:
             self.resynchronise()
         self._decoder.feed(self.link.read(self.link.at_once))  # it answers nothing any more: looked at to be counted
-        self._drop_frames()
+        if self._decoder.pending:
+            self._drop_frames()
         self.check_bound(row.name)
         if not row.writes and not self._met and not self.link.replayed:
             # A stranger on this line must not act upon what is asked, and the msgID is free.

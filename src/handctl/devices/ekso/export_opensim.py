@@ -14,6 +14,7 @@ import json
 import os
 from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from itertools import islice, pairwise
 from operator import lt, neg
 from typing import Any, NamedTuple
@@ -24,7 +25,7 @@ from handctl.devices.ekso.recording_source import NAMED, column_of, to_si
 from handctl.errors import UsageError
 from handctl.files import Spool
 from handctl.record.clock_survey import survey
-from handctl.record.log_reader import MOST_KNOWN, Span
+from handctl.record.log_reader import Known, Span, forget
 from handctl.record.row_source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
@@ -129,12 +130,10 @@ def motion(
 
 
 def _as_recorded(points: Points) -> Iterator[tuple[str, ...]]:
-    texts = Texts()
+    texts = Known(lambda value: f"{value / 100:.2f}")
     for at in range(0, len(points.t_ms), PIECE):
-        columns = [
-            texts.converted("", lambda value: f"{value / 100:.2f}", coordinate[at : at + PIECE])
-            for coordinate in points.coordinates
-        ]
+        columns = [texts.of(coordinate[at : at + PIECE]) for coordinate in points.coordinates]
+        forget([texts])
         yield from zip((f"{t_ms / 1000:.3f}" for t_ms in points.t_ms[at : at + PIECE]), *columns, strict=True)
 
 
@@ -146,7 +145,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
     if (spans := log.spans) is not None:
         _refuse(log, spans, segment)  # before hours are read
     spans, points, begun = {}, Points(), ""
-    for block in log.blocks():
+    for block in log.blocks(None):
         for number in sorted(set(block.segments)):
             part = block.of(number)
             span = spans.setdefault(number, Span(part.t_ms[0], 0, 0))
@@ -155,7 +154,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
                 columns = (log.numbers(q).of(part.columns[column_of(q)]) for q in quantities)
                 values = [list(map(neg, one)) if sign < 0 else one for sign, one in zip(signs, columns, strict=True)]
                 points.take([t_ms - span.begin for t_ms in part.t_ms], values)
-                begun = begun or part.columns["host_utc_s"][0]
+                begun = begun or part.columns["host_utc_s"][0].decode()
     _refuse(log, spans, segment)
     fits = log.fits if log.fits is not None else {n: one.line[2:] for n, one in survey(log).segments.items()}
     clock = "host UTC in s is {} + {:.6f} + {:.9f} * time".format(begun, *fits[wanted]) if wanted in fits else ""
@@ -204,71 +203,49 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
     quantities = dict(zip(layout.columns, layout.shown, strict=True))
     plans = [(*to_si(name, quantities.get(name) if si else None), quantities.get(name)) for name in layout.names]
     names = [name for name, _, _ in plans]
+    converted = {
+        name: Known(partial(_converted, convert, log.numbers(quantity)))
+        for name, (_, convert, quantity) in zip(layout.names, plans, strict=True)
+        if convert and quantity
+    }
     if segment is not None and log.spans is not None and segment not in log.spans:
         raise log.without(segment)
     spool, count = Spool(), 0
     if not as_rows:
         spool.take([",".join(names) + "\r"])
     first = last = None
-    texts = Texts()
-    for whole in log.blocks():
+    for whole in log.blocks(None):
         if segment is not None and segment not in whole.segments:
             continue
         block = whole.of(segment)
         first, last = (block.t_ms[0] if first is None else first), block.t_ms[-1]
         count += len(block.t_ms)
         if block.text and not (si or as_rows) and block is whole:
-            spool.take([block.text])
+            spool.take([block.text.decode()])
             continue
         columns = [
-            texts.of_texts(name, convert, block.columns[log_name], log.numbers(quantity))
-            if convert and quantity
-            else block.columns[log_name]
-            for log_name, (name, convert, quantity) in zip(layout.names, plans, strict=True)
+            converted[name].of(block.columns[name]) if name in converted else block.columns[name]
+            for name in layout.names
         ]
+        forget(converted.values())
         if as_rows:
             rows = (dict(zip(names, map(_value, names, row), strict=True)) for row in zip(*columns, strict=True))
             spool.take(json.dumps(row, ensure_ascii=False) for row in rows)
             continue
         for at in (names.index(MARK), names.index(f"{NAMED}_name")):
-            said = {text: quoted(text) for text in set(columns[at])}
+            said = {text: quoted(text.decode()).encode() for text in set(columns[at])}
             columns[at] = tuple(map(said.__getitem__, columns[at]))
-        spool.take(["\r\n".join(map(",".join, zip(*columns, strict=True))) + "\r"])
+        spool.take([b"\r\n".join(map(b",".join, zip(*columns, strict=True))).decode() + "\r"])
     if first is None or last is None:
         raise log.without(segment)
     return Exported(spool, count, (last - first) / 1000, log.remarks())
 
 
-class Texts:
-    """Converted texts that are remembered: a device repeats itself."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, dict[Any, str]] = {}
-
-    def converted(self, name: str, convert: Callable[[int], str], numbers: Sequence[int]) -> list[str]:
-        """The texts of a column."""
-        known = self._remembered(name)
-        if not all(map(known.__contains__, numbers)):
-            known.update({number: convert(number) for number in set(numbers).difference(known)})
-        return list(map(known.__getitem__, numbers))
-
-    def of_texts(
-        self, name: str, convert: Callable[[int], str], texts: Sequence[str], numbers: Mapping[str, int]
-    ) -> list[str]:
-        """The same from the column's texts; `numbers` has what each of them is."""
-        known = self._remembered(name)
-        if not all(map(known.__contains__, texts)):
-            known.update({text: convert(numbers[text]) for text in set(texts).difference(known)})
-        return list(map(known.__getitem__, texts))
-
-    def _remembered(self, name: str) -> dict[Any, str]:
-        known = self._known.setdefault(name, {})
-        if len(known) > MOST_KNOWN:
-            known.clear()
-        return known
+def _converted(convert: Callable[[int], str], numbers: Mapping[bytes, int], text: bytes) -> bytes:
+    return convert(numbers[text]).encode()
 
 
-def _value(name: str, text: str) -> Any:
+def _value(name: str, text: bytes) -> Any:
     if name in (MARK, f"{NAMED}_name"):
-        return text or None
-    return float(text) if "." in text else int(text)
+        return text.decode() or None
+    return float(text) if b"." in text else int(text)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from handctl.devices.ekso.parameter_map import DATA, Word, boot_ms, state_text
 from handctl.devices.ekso.recording_source import LEAD, NAMED, RowLayout, parse
@@ -13,11 +12,12 @@ from handctl.record.log_reader import (
     LONGEST_LINE,
     Block,
     Channel,
-    Numbers,
+    Meanings,
     constant,
     cut_short,
     damaged,
     fields_of,
+    forget,
     integers,
     parse_fixed,
     too_long,
@@ -32,17 +32,23 @@ STATE = next(quantity for quantity in DATA if quantity.name == NAMED)
 
 def _word(text: str) -> int:
     """A word of 16 bit. Raises ValueError."""
-    if not re.fullmatch("[0-9]{1,32}", text, re.ASCII) or int(text) > 0xFFFF:
+    if not 0 <= (word := parse_fixed(text, 0)) <= 0xFFFF:
         raise ValueError(text)
-    return int(text)
+    return word
+
+
+def _value(quantity: Word) -> Callable[[str], float]:
+    """What makes a text of a quantity its number, or raises ValueError."""
+    scale = 10**quantity.decimals
+    return lambda text: parse(quantity, text) / scale if scale > 1 else parse(quantity, text)
 
 
 class LogFile(log_reader.LogFile):
     """A log of an EksoNR. Raises UsageError when it cannot be read, or is none."""
 
     def __init__(self, path: str) -> None:
-        self._known: dict[tuple[int, bool, int], Numbers] = {}
-        self._words, self._named = Numbers(_word), set[tuple[str, str]]()
+        self._numbers: dict[tuple[int, bool], Meanings] = {}
+        self._named = set[tuple[bytes, bytes]]()
         super().__init__(path, "ekso")
 
     def _header(self, names: list[str]) -> None:
@@ -55,6 +61,13 @@ class LogFile(log_reader.LogFile):
             for column, quantity in zip(self.layout.columns, self.layout.shown, strict=True)
         ]
         raw = self.names[self.names.index(MARK) + 1 :]
+        kinds: dict[tuple[int, bool], Callable[[str], float]] = {}
+        for quantity in self.layout.shown:
+            kinds.setdefault((quantity.decimals, quantity.signed), _value(quantity))
+        self._readers = {
+            column: kinds[quantity.decimals, quantity.signed]
+            for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True)
+        } | dict.fromkeys(raw, _word)
         self.channels = (*own, *(Channel(name, name, "", 0) for name in raw))
 
     def _foreign(self, names: list[str]) -> RowLayout:
@@ -64,26 +77,14 @@ class LogFile(log_reader.LogFile):
                 raise damaged(self.path, 1, f"column {number + 1} is {found}, but in a log it is {wanted!r}")
         raise damaged(self.path, 1, "the header continues after the columns of a log")
 
-    def numbers(self, quantity: Word) -> Numbers:
+    def numbers(self, quantity: Word) -> Meanings:
         """Integers of a quantity's last decimal by text: one table for all of the same decimals and sign."""
-        return self._table(quantity, 1)
+        kind = (quantity.decimals, quantity.signed)
+        forget(self._numbers.values())
+        return self._numbers.setdefault(kind, Meanings(lambda text: parse(quantity, text)))
 
-    def _values(self, quantity: Word) -> Numbers:
-        return self._table(quantity, 10**quantity.decimals)
-
-    def _table(self, quantity: Word, scale: int) -> Numbers:
-        kind = (quantity.decimals, quantity.signed, scale)
-        if kind not in self._known:
-            self._known[kind] = Numbers(
-                lambda text: parse(quantity, text) if scale == 1 else parse(quantity, text) / scale
-            )
-        return self._known[kind]
-
-    def _forget(self) -> None:
-        for table in (self._numbers, self._words, *self._known.values()):
-            table.forget()
-        if len(self._named) > log_reader.MOST_KNOWN:
-            self._named.clear()
+    def reader(self, column: str) -> Callable[[str], float]:
+        return self._readers[column]
 
     def _pieces(self) -> Iterator[tuple[int, int, bytes]]:
         number, rest = 2, b""
@@ -107,15 +108,15 @@ class LogFile(log_reader.LogFile):
         self.cut = bool(rest)
 
     def _right(self, block: Block) -> bool:
+        if not super()._right(block):
+            return False
         try:
-            for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True):
-                block.known[column] = self._values(quantity).of(block.columns[column])
             states, names = block.columns[f"{NAMED}_raw"], block.columns[f"{NAMED}_name"]
             some = 1 if constant(states) and constant(names) else len(states)
             new = set(zip(states[:some], names, strict=False)) - self._named
-            if any(text != state_text(self.numbers(STATE)[number]) for number, text in new):
+            if any(name.decode() != state_text(self.numbers(STATE)[state]) for state, name in new):
                 return False
-            self._named |= new
+            self._named = (self._named if len(self._named) <= log_reader.MOST_KNOWN else set()) | new
             return not self.layout.raw or self._raw_fits(block)
         except ValueError:
             return False
@@ -123,12 +124,12 @@ class LogFile(log_reader.LogFile):
     def _raw_fits(self, block: Block) -> bool:
         """Whether the words as they came are those of the columns. Raises ValueError."""
         names = self.layout.names
-        words = [self._words.of(block.columns[name]) for name in names[names.index(MARK) + 1 :]]
+        words = [list(map(int, block.columns[name])) for name in names[names.index(MARK) + 1 :]]
         for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True):
             numbers = self.numbers(quantity).of(block.columns[column])
-            if list(map(quantity.raw_of, words[quantity.word])) != list(numbers):
+            if list(map(quantity.raw_of, words[quantity.word])) != numbers:
                 return False
-        return list(map(boot_ms, zip(*words, strict=True))) == integers("\n".join(block.columns["boot_ms"]))
+        return list(map(boot_ms, zip(*words, strict=True))) == integers(b"\n".join(block.columns["boot_ms"]))
 
     def _fields(self, number: int, line: bytes) -> list[str]:
         names = self.layout.names

@@ -10,7 +10,7 @@ A writer is `write(export)`; it raises OSError where the disk fails. What it nee
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -20,7 +20,7 @@ from handctl.errors import UsageError
 from handctl.files import writing
 from handctl.model.export_formats import FORMATS
 from handctl.record.clock_survey import ClockLine, Event, Survey, Surveyor, survey
-from handctl.record.log_reader import Block, LogFile
+from handctl.record.log_reader import Block, Channel, LogFile, a_number
 
 
 @dataclass
@@ -88,17 +88,19 @@ class Export:
             return not about["gaps"]
         return len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
 
-    def blocks(self, *, surveyed: bool = True) -> Iterator[tuple[int, Block, Sequence[float]]]:
+    def blocks(
+        self, say: Callable[[Channel, str, float], Any] | None = a_number, *, surveyed: bool = True
+    ) -> Iterator[tuple[int, Block, Sequence[float]]]:
         """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970.
 
-        `surveyed`: the writer asks for the survey afterwards.
+        `say` as in `LogFile.blocks`; `surveyed`: the writer asks for the survey afterwards.
         """
         self.rows, lines = 0, dict[int, ClockLine]()
         first, reading, _ = None, Surveyor(self.log), self._fits
         finding = surveyed and not self.surveyed
         if finding:
             self.survey = reading.found
-        for whole in self.log.blocks():
+        for whole in self.log.blocks(say):
             parts = {number: whole.of(number) for number in sorted(set(whole.segments))}
             if finding:
                 reading.take(parts)
@@ -145,6 +147,7 @@ class Export:
 def write(export: Export, kind: str) -> None:
     """Write FILE. Raises UsageError and OutputError."""
     if library := FORMATS[kind].library:
+        os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # its usual one keeps 13 MB for half a megabyte
         try:
             import_module(library)
         except ImportError as exc:

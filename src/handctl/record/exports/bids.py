@@ -103,15 +103,15 @@ def _dataset(export: Export, folder: str) -> None:
 def _rows(export: Export, files: str) -> None:
     """The rows of each run, as recorded, without a header: the channels file is it. `files` is their name, for the number."""
     names = [*_lead(export), *(channel.column for channel in export.log.channels)]
-    begins: dict[int, float] = {}
-    for number, block, utc in export.blocks():
+    begins, missing = dict[int, float](), NONE.encode()
+    for number, block, utc in export.blocks(None):
         begin = begins.setdefault(number, utc[0])
-        columns: list[Sequence[str]] = [[f"{time - begin:.6f}" for time in utc]]
+        columns: list[Sequence[bytes]] = [[b"%.6f" % (time - begin) for time in utc]]
         for name in names:
             texts = block.columns[name]
-            columns.append([text or NONE for text in texts] if "" in texts else texts)
-        with open(files.format(number), "a", encoding="utf-8", newline="") as file:
-            file.write("\n".join(map("\t".join, zip(*columns, strict=True))) + "\n")
+            columns.append([text or missing for text in texts] if b"" in texts else texts)
+        with open(files.format(number), "ab") as file:
+            file.write(b"\n".join(map(b"\t".join, zip(*columns, strict=True))) + b"\n")
 
 
 def _lead(export: Export) -> list[str]:

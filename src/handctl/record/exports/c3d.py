@@ -104,7 +104,7 @@ class Frames:
         self.written = self.holes = 0
         self._export, self._rate, self._angles, self._most = export, rate, angles, most
         self._linear = [bool(channel.unit) for channel in export.log.channels]
-        self._form = struct.Struct(f"<{4 * len(angles) + len(self._linear) + 1}f")
+        self._wide = 4 * len(angles) + len(self._linear) + 1
         self._begin = self._time = 0.0
         self._last: list[float] = []
         """The numbers of the row before, at `_time`."""
@@ -135,8 +135,8 @@ class Frames:
             while frame < self._most and (moment := begin + frame / rate) < time - 1e-9:
                 frame += 1
                 if at not in alone:
-                    long = time - earlier
-                    yield at, at + 1, min(1.0, max(0.0, (moment - earlier) / long)) if long > 0 else 0.0
+                    part = (moment - earlier) / (time - earlier) if time > earlier else 0.0
+                    yield at, at + 1, part if 0.0 <= part <= 1.0 else float(part > 1.0)
                 else:
                     yield (at, at, 0.0) if moment - earlier <= 0.5e-3 / rate else None
             earlier = time
@@ -144,21 +144,28 @@ class Frames:
     def _take(self, file: IO[bytes], columns: Sequence[Sequence[float]], places: Iterator[Place | None]) -> None:
         """Write the frames at these places."""
         rows = [[column[0] if not self._last else self._last[at], *column] for at, column in enumerate(columns)]
-        nowhere: Place = (0, 0, 0.0)
+        angles, wide, nowhere = len(self._angles), self._wide, (0, 0, 0.0)
         while some := list(islice(places, PIECE)):
             holes = [at for at, place in enumerate(some) if place is None]
             way = Way(*zip(*(place or nowhere for place in some), strict=True))
-            there = [True] * len(some)
-            values = [
-                way.values(column, there, linear=linear) for column, linear in zip(rows, self._linear, strict=True)
-            ]
+            there, count = [True] * len(some), struct.Struct(f"<{len(some)}f")
+            data = bytearray(4 * wide * len(some))
+            frames = memoryview(data).cast("f")
+            for place, (column, linear) in enumerate(zip(rows, self._linear, strict=True)):
+                values = way.values(column, there, linear=linear)
+                for at in holes:
+                    values[at] = 0.0
+                packed = memoryview(count.pack(*values)).cast("f")
+                frames[4 * angles + place :: wide] = packed
+                if place in self._angles:
+                    frames[4 * self._angles.index(place) :: wide] = packed
             for at in holes:
                 there[at] = False
-                for column in values:
-                    column[at] = 0.0
-            nothing, residual = [0.0] * len(some), [VALID if one else INVALID for one in there]
-            points = [column for at in self._angles for column in (values[at], nothing, nothing, residual)]
-            file.write(b"".join(map(self._form.pack, *points, *values, map(float, there))))
+            residual = memoryview(count.pack(*[VALID if one else INVALID for one in there])).cast("f")
+            for at in range(angles):
+                frames[4 * at + 3 :: wide] = residual
+            frames[wide - 1 :: wide] = memoryview(count.pack(*there)).cast("f")
+            file.write(data)
             self.written += len(some)
             self.holes += there.count(False)
 
@@ -173,7 +180,7 @@ class Way:
 
     def values(self, column: Sequence[float], there: list[bool], *, linear: bool) -> list[float]:
         """Those of a column; where it has none, `there` becomes False."""
-        if column.count(column[0]) == len(column) and not isnan(column[0]):
+        if column[0] == column[-1] and column.count(column[0]) == len(column):
             return [column[0] + 0.0] * len(self._parts)
         values = []
         if linear:
@@ -185,7 +192,7 @@ class Way:
                 return values
         near = [value or 0.0 for value in self._near(column)[:-1]]
         values = [a if isnan(b) else b for a, b in zip(near, values, strict=True)] if linear else near
-        for at in [at for at, value in enumerate(values) if isnan(value)]:
+        for at in [at for at, value in enumerate(values) if isnan(value)] if isnan(sum(values)) else ():
             there[at], values[at] = False, 0.0
         return values
 

@@ -9,13 +9,14 @@ import json
 import struct
 import zlib
 from bisect import bisect_right
-from collections.abc import Sequence
-from itertools import accumulate, repeat
-from operator import add
+from collections.abc import Iterable, Sequence
+from functools import partial
+from io import BytesIO
+from itertools import accumulate, chain, repeat
 from typing import IO, TYPE_CHECKING, Any
 
 from handctl.files import atomic_write
-from handctl.record.log_reader import Numbers
+from handctl.record.log_reader import Meanings, constant, forget
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
@@ -25,11 +26,12 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNK = 1 << 20
 HEAD = struct.Struct("<BQHIQQ")
 """Of a message: what it is, length, channel, sequence, log time, publish time."""
+OWN = HEAD.size - 9
+"""Bytes of it that the length counts as well."""
 NS = 1_000_000_000
 PLAIN = 1 << 32
 """Below it doubles are closer than 6 decimals are, so that the text without its last zeros is the shortest one."""
-REPEATED = ("segment", "rtt_ms")
-"""The columns of the recorder that repeat themselves."""
+POINT = ord(".")
 
 
 def write(export: Export) -> None:
@@ -44,15 +46,20 @@ def write(export: Export) -> None:
         data = writer.channel(f"/{log.kind}/data", rows)
         marks = writer.channel(f"/{log.kind}/marks", {"kind": {"type": "string"}, "text": {"type": "string"}, "row": {"type": "integer"}})  # fmt: skip
         writer.metadata("handctl", {key: json.dumps(said) for key, said in export.about().items()})
-        kinds: dict[str, Any] = {name: float if decimals else int for name, decimals in log.lead}
-        kinds |= {one.column: int if one.decimals == 0 else float for one in log.channels}
-        lead = dict(log.lead)
-        own = [Told(name, kinds.get(name, str), known=name in REPEATED or name not in lead) for name in rows]
-        for _, block, utc in export.blocks():
-            columns = [one.column(block) for one in own]
-            told = [f"{{{row}}}".encode() for row in map(", ".join, zip(*columns, strict=True))]
+        heads = [b"%b%b: " % (b", " if at else b"{", json.dumps(name).encode()) for at, name in enumerate(rows)]
+        head = dict(zip(rows, heads, strict=True))
+        texts = {name: Meanings(partial(_text, head[name])) for name in log.texts}
+        for _, block, utc in export.blocks(lambda one, text, number: head[one.column] + _said(text, number)):
+            columns: list[bytes | Sequence[bytes]] = []
+            for name, decimals in log.lead:
+                columns += [head[name], _plain(block, name, decimals)]
+            columns += [block.known[one.column] for one in log.channels]
+            for name, table in texts.items():
+                columns.append(table.of(block.columns[name]))
+            forget(texts.values())
+            told = _rows([*columns, b"}"], len(utc))
             came = [round(time * NS) for time in block.floats("host_utc_s")]
-            asked = [int(text) & 0xFFFFFFFF for text in block.columns["seq"]]
+            asked = [number & 0xFFFFFFFF for number in map(int, block.columns["seq"])]
             writer.add(data, [round(time * NS) for time in utc], told, came, asked)
         for at, one in enumerate(export.events):
             text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
@@ -70,9 +77,9 @@ class Chunks:
     def __init__(self, file: IO[bytes], tool: str) -> None:
         from mcap import records
         from mcap.opcode import Opcode
-        from zstandard import compress
+        from zstandard import ZstdCompressor
 
-        self._records, self._opcode, self._compress = records, Opcode, compress
+        self._records, self._opcode, self._compress = records, Opcode, ZstdCompressor().compress
         self._file = file
         self._schemas: list[Any] = []
         self._channels: list[Any] = []
@@ -81,8 +88,8 @@ class Chunks:
         self._counts: dict[int, int] = {}
         self._ends: list[tuple[int, int]] = []
         """The first and the last time of each chunk."""
-        self._parts: list[bytes] = []
-        self._size = 0
+        self._data = BytesIO()
+        """The chunk, in front of what is left of a longer one: its memory is used again."""
         self._found: dict[int, list[int]] = {}
         """Of this chunk, by channel: time and place of each message in turn."""
         file.write(MAGIC)
@@ -101,12 +108,8 @@ class Chunks:
         self._channels.append(
             self._records.Channel(id=number, topic=topic, message_encoding="json", schema_id=number, metadata={})
         )
-        self._take(_bytes(self._schemas[-1], self._channels[-1]))
+        self._data.write(_bytes(self._schemas[-1], self._channels[-1]))
         return number
-
-    def _take(self, data: bytes) -> None:
-        self._parts.append(data)
-        self._size += len(data)
 
     def metadata(self, name: str, said: dict[str, str]) -> None:
         """Names and texts about the file."""
@@ -118,33 +121,34 @@ class Chunks:
         self, channel: int, times: Sequence[int], texts: Sequence[bytes], came: Sequence[int], numbers: Sequence[int]
     ) -> None:
         """Messages: log time, content, publish time, sequence."""
-        heads = map(HEAD.pack, repeat(5), [len(text) + 22 for text in texts], repeat(channel), numbers, times, came)
-        messages, done = list(map(add, heads, texts)), 0
-        self._counts[channel] = self._counts.get(channel, 0) + len(messages)
-        while done < len(messages):
-            places = list(accumulate(map(len, messages[done:]), initial=self._size))
+        lengths, done = list(map(len, texts)), 0
+        heads = map(HEAD.pack, repeat(5), [length + OWN for length in lengths], repeat(channel), numbers, times, came)
+        messages = list(chain.from_iterable(zip(heads, texts, strict=True)))
+        self._counts[channel] = self._counts.get(channel, 0) + len(lengths)
+        while done < len(lengths):
+            places = list(accumulate([HEAD.size + length for length in lengths[done:]], initial=self._data.tell()))
             some = min(bisect_right(places, CHUNK, 1), len(places) - 1)
-            found = self._found.setdefault(channel, [])
-            for pair in zip(times[done : done + some], places, strict=False):
-                found += pair
-            self._take(b"".join(messages[done : done + some]))
+            pairs = zip(times[done : done + some], places, strict=False)
+            self._found.setdefault(channel, []).extend(chain.from_iterable(pairs))
+            self._data.writelines(messages[2 * done : 2 * (done + some)])
             done += some
-            if self._size > CHUNK:
+            if self._data.tell() > CHUNK:
                 self._close()
 
     def _close(self) -> None:
         """Write the chunk."""
         if not self._found:
             return
-        data = b"".join(self._parts)
+        size = self._data.tell()
         times = [time for found in self._found.values() for time in found[::2]]
         first, last = min(times), max(times)
-        packed, at, size = self._compress(data), self._file.tell(), len(data)
+        with self._data.getbuffer()[:size] as data:
+            packed, crc, at = self._compress(data), zlib.crc32(data), self._file.tell()
         length = len(
             self._put(
                 self._records.Chunk(
                     compression="zstd", data=packed, message_start_time=first, message_end_time=last,
-                    uncompressed_crc=zlib.crc32(data), uncompressed_size=size,
+                    uncompressed_crc=crc, uncompressed_size=size,
                 )
             )
         )  # fmt: skip
@@ -161,7 +165,8 @@ class Chunks:
             )
         )  # fmt: skip
         self._ends.append((first, last))
-        self._parts, self._size, self._found = [], 0, {}
+        self._found = {}
+        self._data.seek(0)
 
     def finish(self) -> None:
         """The last chunk, and the summary."""
@@ -202,33 +207,37 @@ def _bytes(*some: Any) -> bytes:
     return data
 
 
-class Told:
-    """A column as JSON has it, with its name. With `known`, its texts are remembered."""
-
-    def __init__(self, name: str, kind: Any, *, known: bool) -> None:
-        self._name, self._head, self._kind = name, f"{json.dumps(name)}: ", kind
-        self._known = Numbers(self._read) if known else None
-
-    def _read(self, text: str) -> str:
-        if self._kind is str:
-            return self._head + json.dumps(text)
-        return self._head + (repr(self._kind(text)) if text else "null")
-
-    def column(self, block: Block) -> Sequence[str]:
-        """That of a block."""
-        texts, head = block.columns[self._name], self._head
-        if self._known is not None:
-            self._known.forget()
-            return self._known.of(texts)
-        if self._kind is int:
-            return [f"{head}{number}" for number in map(int, texts)]
-        numbers = block.floats(self._name)
-        if _plain(numbers, texts):
-            return [head + (one if one[-1] != "." else f"{one}0") for one in [text.rstrip("0") for text in texts]]
-        return [f"{head}{number!r}" for number in numbers]
+def _rows(columns: Sequence[bytes | Sequence[bytes]], count: int) -> list[bytes]:
+    """So many rows of these columns; neighbours that are the same in all rows are joined once."""
+    parts: list[Iterable[bytes]] = []
+    same = b""
+    for column in columns:
+        if isinstance(column, bytes) or constant(column):
+            same += column if isinstance(column, bytes) else column[0]
+            continue
+        parts += [repeat(same), column] if same else [column]
+        same = b""
+    return list(map(b"".join, zip(*parts, repeat(same, count), strict=False)))
 
 
-def _plain(numbers: Sequence[float], texts: Sequence[str]) -> bool:
-    """Whether the shortest text of each number is its own without the last zeros."""
-    lines = "\n" + "\n".join(texts)
-    return min(numbers) >= 0.001 and max(numbers) < PLAIN and lines.count("\n0") == lines.count("\n0.")
+def _text(head: bytes, text: str) -> bytes:
+    return head + json.dumps(text).encode()
+
+
+def _said(text: str, number: float) -> bytes:
+    """A number of the device as JSON."""
+    return repr(number).encode() if text else b"null"
+
+
+def _plain(block: Block, name: str, decimals: int) -> Sequence[bytes]:
+    """A column of the recorder as JSON: the shortest text of each number, which mostly is its own without the last zeros."""
+    texts = block.columns[name]
+    if constant(texts):
+        return [repr(float(texts[0]) if decimals else int(texts[0])).encode()] * len(texts)
+    lines = b"\n" + b"\n".join(texts)
+    if not decimals:
+        return [b"%d" % number for number in map(int, texts)] if b"\n0" in lines or b"-" in lines else texts
+    numbers = block.floats(name)
+    if min(numbers) >= 0.001 and max(numbers) < PLAIN and lines.count(b"\n0") == lines.count(b"\n0."):
+        return [one if one[-1] != POINT else one + b"0" for one in [text.rstrip(b"0") for text in texts]]
+    return [repr(number).encode() for number in numbers]

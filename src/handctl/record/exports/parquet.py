@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import json
 import struct
+import sys
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 
 GROUP = 5_000
 """Rows of a row group, about."""
+REMOTE = ("pyarrow._s3fs", "pyarrow._gcsfs", "pyarrow._azurefs", "pyarrow._hdfs")
 FIT = "host_fit_s"
 CODES = {"double": "d", "int64": "q", "int32": "i"}
 """How `struct` names a type of numbers."""
@@ -27,8 +30,8 @@ CODES = {"double": "d", "int64": "q", "int32": "i"}
 def write(export: Export) -> None:
     """Write it, row group by row group."""
     import pyarrow
-    from pyarrow import parquet
 
+    parquet = _library()
     fields = [
         pyarrow.field(name, getattr(pyarrow, kind)(), metadata=about) for name, kind, about in _fields(export.log)
     ]
@@ -36,7 +39,7 @@ def write(export: Export) -> None:
     schema = pyarrow.schema(fields, metadata=said)
     with (
         atomic_write(export.path, "wb") as file,
-        parquet.ParquetWriter(file, schema, compression="snappy", dictionary_pagesize_limit=1 << 16) as writer,
+        parquet.ParquetWriter(file, schema, compression="snappy", use_dictionary=False) as writer,
     ):
         waiting: list[Any] = []
         whole = {name for name, _ in export.log.lead} | {
@@ -51,6 +54,19 @@ def write(export: Export) -> None:
                 waiting = []
         if waiting:
             writer.write_table(pyarrow.Table.from_batches(waiting))
+
+
+def _library() -> Any:
+    """Its part for this format, without what reaches for files elsewhere: 4 MB that no file on this computer needs."""
+    missing: dict[str, Any] = dict.fromkeys(REMOTE)
+    before = {name: sys.modules[name] for name in REMOTE if name in sys.modules}
+    sys.modules.update(missing | before)
+    try:
+        return import_module("pyarrow.parquet")
+    finally:
+        for name in REMOTE:
+            if sys.modules[name] is None:
+                del sys.modules[name]
 
 
 def _fields(log: LogFile) -> Iterator[tuple[str, str, dict[str, str]]]:
@@ -77,10 +93,9 @@ def _column(block: Block, name: str, kind: Any, *, whole: bool) -> Any:
     Laid out here: for that, and to read a text, the library loads 50 MB of others.
     """
     texts, code = block.columns[name], CODES.get(str(kind))
-    there = None if whole or "" not in texts else "".join("1" if text else "0" for text in reversed(texts))
+    there = None if whole or b"" not in texts else "".join("1" if text else "0" for text in reversed(texts))
     if code is None:
-        coded = [text.encode() for text in texts]
-        return _array(kind, there, ("i", list(accumulate(map(len, coded), initial=0))), b"".join(coded))
+        return _array(kind, there, ("i", list(accumulate(map(len, texts), initial=0))), b"".join(texts))
     numbers = block.floats(name) if code == "d" else block.known.get(name) or list(map(int, texts))
     return _array(kind, there, (code, numbers))
 
