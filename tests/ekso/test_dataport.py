@@ -152,7 +152,7 @@ def test_what_comes_instead_of_an_answer_has_a_name(code: str, fault: Faulty) ->
         port.read(Command.GET_TIME)
     assert (caught.value.code, caught.value.exit_code) == (code, 5)
     assert caught.value.hint
-    assert "sent 96 00 00 02" in caught.value.text
+    assert "Sent 96 00 00 02" in caught.value.text
     assert len(unit.sent) == 2
 
 
@@ -303,7 +303,7 @@ def test_looking_for_a_convention_ends_at_the_deadline() -> None:
     with pytest.raises(NoAnswer) as caught:
         port.detect_length_mode()
     assert unit.clock == pytest.approx(1.0)
-    assert "no reply to GetTime (96 00 00 01 75 E7) before --deadline was over" in caught.value.text
+    assert "no reply to GetTime (96 00 00 01 75 E7) before --deadline passed" in caught.value.text
     assert (len(unit.sent), port.mode) == (1, "body")
 
 

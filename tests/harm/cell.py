@@ -216,7 +216,8 @@ PLAIN, YES, DRY = "plain", "confirmed", "dry run"
 
 def modes(line: CommandLine, state: State) -> Iterator[str]:
     """How a line is tried: as it is; confirmed, unless that is what the device is for; as a dry run."""
-    own = state.of(line.family) or line.path == ("stop",)  # which knows its device by name, lock or simulator
+    # `stop` knows its device by name, lock or simulator, and that of a hand knows every RH56 that shows itself
+    own = state.of(line.family) or line.path == ("stop",) or (line.path[-1:] == ("stop",) and line.family == state.kind)
     if line.asks or not (line.writes and own):
         yield PLAIN
     if line.asks and not own:

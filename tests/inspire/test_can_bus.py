@@ -135,7 +135,7 @@ def test_the_last_ask_before_the_deadline_tells_how_long_it_was_waited_for() -> 
     """What was asked is told, and not what no longer was: a retry that is not sent is none."""
     link = ScriptedFrames()
     bus = bus_on(link, retries=100, timeout=0.3, bound=link.deadline(0.7))
-    with pytest.raises(NoAnswer, match=r"before --deadline was over, after 0\.1 s$") as caught:
+    with pytest.raises(NoAnswer, match=r"before --deadline passed, after 0\.1 s$") as caught:
         bus.read(1020, 2)
     assert caught.value.code == NoAnswer.default_code
     assert bus.journal.counters.retries == 2
@@ -143,7 +143,7 @@ def test_the_last_ask_before_the_deadline_tells_how_long_it_was_waited_for() -> 
 
 def test_a_long_timeout_does_not_outlast_the_deadline_of_the_command() -> None:
     link = ScriptedFrames()
-    with pytest.raises(NoAnswer, match=r"before --deadline was over, after 0\.2 s$"):
+    with pytest.raises(NoAnswer, match=r"before --deadline passed, after 0\.2 s$"):
         bus_on(link, retries=0, timeout=5.0, bound=link.deadline(0.2)).read(1020, 2)
     assert link.now() == pytest.approx(0.2)
 

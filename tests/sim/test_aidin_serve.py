@@ -128,4 +128,4 @@ def test_there_is_no_serial_wire() -> None:
     refused = CliRunner().invoke(cli, ["aidin", "--pty"])
     assert refused.exit_code == 2 and "No such option" in refused.output
     assert "--pty" not in CliRunner().invoke(cli, ["aidin", "-h"]).output
-    assert "No place to serve at. Give --tcp HOST:PORT" in CliRunner().invoke(cli, ["aidin"]).output
+    assert "No endpoint given. Give --tcp HOST:PORT" in CliRunner().invoke(cli, ["aidin"]).output

@@ -71,7 +71,7 @@ def test_the_help_names_every_key_and_its_example_runs(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "arguments", "complaint"),
     [
-        (EXAMPLE, [], "No place to serve at. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"),
+        (EXAMPLE, [], "No endpoint given. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"),
         (EXAMPLE, ["--slcan-pty"], 'wire = "rs485" needs --pty or --tcp HOST:PORT'),
         ('[line]\nwire = "can"', ["--pty"], 'wire = "can" needs --slcan-pty or --slcan-tcp HOST:PORT'),
         ("[line]\nwires = 3", ["--pty"], "[line] unknown key 'wires'. Known: wire, model"),

@@ -530,8 +530,8 @@ def test_the_tools_of_python_can_hear_and_play(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         ([], "--slcan-pty or --slcan-tcp"),
-        (["--pty", "--slcan-pty"], "More than one place to serve at. Give either --pty or"),
-        (["--slcan-pty", "--slcan-tcp", "127.0.0.1:0"], "More than one place to serve at. Give either --pty or"),
+        (["--pty", "--slcan-pty"], "More than one endpoint given. Give either --pty or"),
+        (["--slcan-pty", "--slcan-tcp", "127.0.0.1:0"], "More than one endpoint given. Give either --pty or"),
         (["--slcan-tcp", "127.0.0.1"], "HOST:PORT"),
         (["--slcan-pty", "--set", "bus=serial"], "bus=serial"),
         (["--pty", "--set", "bus=can"], "bus=can"),

@@ -308,7 +308,7 @@ def test_a_link_that_breaks_in_the_middle_keeps_what_was_read(tmp_path: Path) ->
 
 
 def test_an_interrupt_leaves_no_page(tmp_path: Path) -> None:
-    with mock.patch.object(report, "curves", side_effect=KeyboardInterrupt):
+    with mock.patch.object(report, "Curves", side_effect=KeyboardInterrupt):
         result = taken("exo", tmp_path / "r.html")
     assert result.code == 130
     assert os.listdir(tmp_path) == []

@@ -124,8 +124,8 @@ def test_two_hands_with_one_ip_address() -> None:
 @pytest.mark.parametrize(
     ("words", "text"),
     [
-        ([], "No place to serve at. Give either --pty or --tcp"),
-        (["--pty", "--modbus-pty"], "More than one place to serve at"),
+        ([], "No endpoint given. Give either --pty or --tcp"),
+        (["--pty", "--modbus-pty"], "More than one endpoint given"),
         (["--modbus-pty", "--set", "speaks=eb90"], "speaks=eb90: --modbus-pty serves only Modbus RTU"),
         (["--model", "df", "--modbus-tcp", ANYWHERE], "a hand of generation df has no Ethernet"),
         (["--modbus-tcp", ANYWHERE, "--pty", "--fault", "nothing"], "unknown fault 'nothing'"),

@@ -163,7 +163,7 @@ class Guards:
     def heat(self, tenths: int) -> None:
         lost = unmeasured(tenths)
         if "heat" in self._on and (lost or tenths > self._heat):
-            limit = "which cannot be" if lost else f"and the limit is {self._heat / 10:.1f} °C"
+            limit = "which is impossible" if lost else f"and the limit is {self._heat / 10:.1f} °C"
             text = f"{tenths / 10:.1f} °C, {limit}"
             self.events.append(Event(self._now, "heat", None, tenths / 10, self._heat / 10, 0.0, text, ends=True))
 

@@ -296,6 +296,7 @@ class RealtimeLoop:
         with self._guide.without_interrupts():
             stands = self.session.stand()
         if not stands:
+            self.hand.journal.counters.bad_frames += 1
             raise ProtocolError(
                 f"{self.hand.link.name}: velocity 0 was not acknowledged at the end",
                 hint=f"switch the hand's power off if anything moves, then {DISTURBED}",

@@ -191,7 +191,7 @@ def _heat(hand: BarrettHand, flag_request: FlagRequest, now: Flags) -> int:
     limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
     if "heat" in flag_request.guards and unmeasured(now["TEMP", 0]):
         raise CheckFailed(
-            f"{hand.link.name}: the board is not at {now['TEMP', 0] / 10:.1f} °C, and without its temperature nothing is driven (guard heat)",
+            f"{hand.link.name}: TEMP reads {now['TEMP', 0] / 10:.1f} °C, which is impossible: without the temperature of the board nothing is driven (guard heat)",
             hint=NO_SENSOR,
             code="guard-heat",
         )
