@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -30,6 +31,11 @@ __all__ = [
     "pytest_runtest_teardown",
 ]
 
+
+# Ignored under `nohup` or behind the `&` of a shell; a child ignores what its parent does, and would not end.
+for number, default in ((signal.SIGHUP, signal.SIG_DFL), (signal.SIGINT, signal.default_int_handler)):
+    if signal.getsignal(number) is signal.SIG_IGN:
+        signal.signal(number, default)
 
 INSIDE = pytest.StashKey[ExitStack]()
 OWN = ("XDG_STATE_HOME", "XDG_RUNTIME_DIR", "TMPDIR")

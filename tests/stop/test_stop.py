@@ -217,9 +217,9 @@ def test_the_last_stop_of_a_holder_that_was_ended_comes_first(stand: MakeStand) 
 PATIENT = f"""
     import sys
     from handctl.cli import main
-    from handctl.stop import command
+    from handctl.stop import stop_command
 
-    command.HEARD_SECONDS = {PATIENCE}
+    stop_command.HEARD_SECONDS = {PATIENCE}
     sys.exit(main())
 """
 """A stop that takes no holder for asleep: on a busy machine one may take longer to hear of the wish than a stop waits."""
@@ -462,7 +462,7 @@ PROGRAM = """
 
 
 @pytest.mark.real
-@pytest.mark.parametrize(("kind", "code", "told"), [("ends", 7, "as SIGTERM asked it to"), ("stays", -signal.SIGKILL, "within 1 s of SIGTERM")])  # fmt: skip
+@pytest.mark.parametrize(("kind", "code", "told"), [("ends", 7, "It ended after SIGTERM"), ("stays", -signal.SIGKILL, "within 1 s of SIGTERM")])  # fmt: skip
 def test_a_program_that_uses_the_library_is_asked_first(kind: str, code: int, told: str, stand: MakeStand) -> None:
     place = stand("exo")
     holder = subprocess.Popen(

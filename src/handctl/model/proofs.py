@@ -25,6 +25,8 @@ SHOWN = (AS_ASSUMED, DIFFERS)
 TONES = {AS_ASSUMED: "good", DIFFERS: "warn", REFUSED: "bad", NOT_SHOWN: "dim"}
 NONE = "none"
 """The value of a list that is empty."""
+REPETITIONS = 3
+"""How often each experiment is carried out unless told otherwise."""
 SPARE = 2
 """Attempts beyond those asked for: so many may be spoiled. What moves or stays is not done again after a disturbance."""
 CLOSE = 0.5

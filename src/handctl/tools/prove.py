@@ -20,13 +20,12 @@ from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, Usage
 from handctl.families import FAMILIES
 from handctl.model import facts_file
 from handctl.model.param import Step
-from handctl.model.proofs import LEVELS, LISTED, PERMANENT, READ, Outcome, Proof, carry_out, table_of
+from handctl.model.proofs import LEVELS, LISTED, PERMANENT, READ, REPETITIONS, Outcome, Proof, carry_out, table_of
 from handctl.model.result import Table
 from handctl.tools.family_probe import family_of, probe_of
 
 DIFF = "diff"
 LISTS = "`--list --level permanent` lists all experiments, and --only names one"
-REPETITIONS = 3
 
 
 def _own_of_writing(body: Callable[..., Any]) -> Callable[..., Any]:

@@ -15,7 +15,7 @@ EXCEPTIONS = (
     (
         "hot",
         "`status --check`",
-        "While its temperature fault is set, the hand refuses to report anything: exit code 6.",
+        "While its temperature fault is set, the hand refuses to report its values, so the exit code is 6 instead of 7.",
     ),
 )
 DRY = (
