@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -68,3 +69,18 @@ def test_a_damaged_log_leaves_no_file(log: Path) -> None:
     log.write_bytes(log.read_bytes().replace(b",4.50,", b",4.5O,", 1))
     done = run("ekso", "export", log, "--to", "parquet", "-o", out)
     assert done.code == 2 and "corrupted" in done.err and not out.exists()
+
+
+ELSEWHERE = """
+from handctl.record.exports import parquet
+parquet._library()
+import pyarrow.fs
+assert pyarrow.fs.S3FileSystem
+"""
+
+
+@pytest.mark.real
+def test_a_program_that_has_exported_still_reaches_files_elsewhere() -> None:
+    """What the export leaves out to save memory is missed by nobody else in the process."""
+    pytest.importorskip("pyarrow._s3fs")
+    assert subprocess.run([sys.executable, "-c", ELSEWHERE], check=False).returncode == 0

@@ -338,3 +338,18 @@ def test_frames_of_another_kind_show_the_bitrate_too(monkeypatch: pytest.MonkeyP
 def test_other_interfaces_are_set_from_outside() -> None:
     result = run("wrist", "listen", "--find-baud", "--json", "-p", "can:virtual:handctl-listen")
     assert result.code == 2 and "no-listen-only" in result.said
+
+
+def test_a_bitrate_that_the_adapter_lacks_is_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    plain, tried = fake.FakeFrames.only_listen, []
+
+    def only_listen(link: fake.FakeFrames, bitrate: int) -> bool | None:
+        tried.append(bitrate)
+        return bitrate not in (500000, 250000) and plain(link, bitrate)
+
+    monkeypatch.setattr(fake.FakeFrames, "only_listen", only_listen)
+    result = run("wrist", "listen", "--find-baud", "--json", "--duration", "30", "-p", CAN)
+    assert result.code == 4 and "nothing-heard" in result.said, result
+    assert {500000, 250000, 125000} < set(tried)
+    turns = [row["meaning"] for row in result.stream[0] if row["kind"] == "event"]
+    assert "bitrate 125000" in turns and "bitrate 250000" not in turns

@@ -281,15 +281,15 @@ class Record:
 
     def _next_rate(self) -> str:
         """Go on to the next rate that this end has; the event in words. What was heard at it before is forgotten."""
-        self._rate = rate = self._rates[(self._rates.index(self._rate or 0) + 1) % len(self._rates)]
+        at = self._rates.index(self._rate or 0) + 1
+        following = [*self._rates[at:], *self._rates[:at]]  # the present one comes last: this end has it
+        rate = next((rate for rate in following if self._can is None or self._can.only_listen(rate)), following[-1])
+        self._rate = rate
         self._shares.pop(rate, None)
         self._framing.pop(rate, None)
         if self._can is None:
             self._link.set_baud(rate)  # type: ignore[attr-defined]
             return f"baud {rate}"
-        if not self._can.only_listen(rate):  # this adapter does not have it; there is one that it has: that of the LINK
-            self._rates.remove(rate)
-            return self._next_rate()
         self._link.event(f"bitrate {rate}")
         return f"bitrate {rate}"
 

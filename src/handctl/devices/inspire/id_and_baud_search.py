@@ -43,7 +43,7 @@ TRICKLE_SECONDS = 0.2
 @dataclass(slots=True)
 class Findings:
     """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
-    does not answer when asked alone (`foreign`), ids whose answers lack their first byte (`beheaded`), what kind of device each hit is (`kinds`, None =
+    does not answer when asked alone (`foreign`), ids whose answers lack their first byte (`headless`), what kind of device each hit is (`kinds`, None =
     unknown), `echo`, bytes of no reply (`garbage`, and the last of them, `came`), whether the deadline of the command `cut` it off, probes used, and the seconds of each
     id where they were asked with more time (`single`). The speed of a hit is None where it does not matter."""
 
@@ -286,7 +286,7 @@ class ScanRequest:
     between   whether something else was found: asked behind the pass at the speeds `behind`
     patience  seconds for the answer of the first id at the least, and of one that has answered
     both_ways  such a device's line carries both directions at once: at the speeds behind the first no room is left
-    beside    so long the first id is waited for, and nothing behind it: others are asked here as well; None = they are not
+    additional  so long the first id is waited for, and nothing behind it: others are asked here as well; None = they are not
     """
 
     own: Kind
@@ -730,7 +730,7 @@ KEPT = 64
 
 
 class RtuSearch:
-    """`trips` are the seconds from the question to an id to its answer, `damaged` counts answers whose sum is wrong. `beside` as of `Scanner`."""
+    """`trips` are the seconds from the question to an id to its answer, `damaged` counts answers whose sum is wrong. `additional` as of `Scanner`."""
 
     def __init__(
         self, link: ByteLink, journal: Journal, bound: Deadline | None, find_all: bool, additional: float | None = None

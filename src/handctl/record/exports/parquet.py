@@ -57,7 +57,11 @@ def write(export: Export) -> None:
 
 
 def _library() -> Any:
-    """Its part for this format, without what reaches for files elsewhere: 4 MB that no file on this computer needs."""
+    """Its part for this format, without what reaches for files elsewhere: 4 MB that no file on this computer needs.
+
+    Whoever imports `pyarrow.fs` afterwards gets all of it.
+    """
+    known = "pyarrow.fs" in sys.modules
     missing: dict[str, Any] = dict.fromkeys(REMOTE)
     before = {name: sys.modules[name] for name in REMOTE if name in sys.modules}
     sys.modules.update(missing | before)
@@ -67,6 +71,8 @@ def _library() -> Any:
         for name in REMOTE:
             if sys.modules[name] is None:
                 del sys.modules[name]
+        if not known:
+            sys.modules.pop("pyarrow.fs", None)
 
 
 def _fields(log: LogFile) -> Iterator[tuple[str, str, dict[str, str]]]:
