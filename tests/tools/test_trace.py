@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -569,3 +570,18 @@ def test_every_row_before_a_damaged_line_is_there_in_its_order(name: str, tmp_pa
     seen = [line for line in done.lines if "EB 90 01 04" in line and '"end"' not in line]
     assert (done.code, len(seen)) == (2, 250), done.lines[-1]
     assert [line.find(f"{n}.0") >= 0 for n, line in enumerate(seen)] == [True] * 250
+
+
+@each_row(("key", "value"), [
+    (key, value)
+    for key in ("maxtorque", "hand_mode", "k\\n\\u001b")
+    for value in ("1e400", "-1e400", "NaN", "Infinity", '"a\\nb\\u0007"', "true", "null", "[1e400]")
+])  # fmt: skip
+def test_no_value_of_a_hand_makes_its_rows_invalid(tmp_path: Path, key: str, value: str) -> None:
+    """JSON has numbers that no machine has, and texts with control characters."""
+    trace = tmp_path / "odd.txt"
+    trace.write_text("0.1 < " + f'{{"{key}":{value}}}\n'.encode().hex(" ").upper() + "\n")
+    for how in ("json", "ndjson", "csv"):
+        done = run("trace", "show", trace, "--family", "aidin", "--format", how)
+        assert done.code == 0
+        assert how == "csv" or all(map(json.loads, done.out.splitlines() if how == "ndjson" else [done.out]))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from math import isfinite
 
 from handctl.devices.aidin.json_codec import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
@@ -123,10 +124,15 @@ def _explained(key: str, value: object) -> tuple[str, list[Value], str]:
         tenths = param is not None and param.unit == "0.1 %" and isinstance(value, int)
         shown = f"{value / 10:g} %" if tenths and isinstance(value, int) else _shown(value)
         known = param is not None or key in ("hand_mode", "maxtorque")
-        good = known and isinstance(value, int | float) and not isinstance(value, bool)
+        finite = not isinstance(value, float) or isfinite(value)  # JSON has 1e400, and no number has
+        good = known and finite and not isinstance(value, bool)
         kept: list[Value] = [Value(key, value)] if good and isinstance(value, int | float) else []
         unit = f" {param.unit}" if param is not None and param.unit and not tenths else ""
-        return f"{key} {shown}{unit}" + ("" if known else " (not documented)"), kept, "" if known else "unknown-key"
+        return (
+            f"{key} {shown}{unit}" + ("" if known else " (not documented)"),
+            kept,
+            "unknown-key" if not known else "" if finite else "bad-value",
+        )
     try:
         checked = numbers(value, param.count, int_range=param.int_range)
     except ProtocolError as exc:
