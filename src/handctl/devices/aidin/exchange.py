@@ -13,7 +13,7 @@ from typing import Any
 
 from handctl.devices.aidin import exchange_settings as table
 from handctl.devices.aidin.exchange_settings import FIND_OUT, ExchangeMode, ExchangeSettings
-from handctl.devices.aidin.json_codec import Decoder, MalformedObject, WrongNumbers, numbers
+from handctl.devices.aidin.json_codec import RECORD_BYTES, Decoder, MalformedObject, WrongNumbers, numbers
 from handctl.devices.aidin.parameter_map import FEEDBACK, AidinParam
 from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
@@ -131,7 +131,7 @@ def number_of(where: str, element: Element, param: AidinParam, found: Wire | Pro
 
 
 def _spelled(where: str, text: str, why: ProtocolError) -> ProtocolError:
-    return ProtocolError(f"{where}: {text}", hint="check it with --trace FILE", code=why.code)
+    return ProtocolError(f"{where}: {text}", hint=RECORD_BYTES, code=why.code)
 
 
 # -- feedback: the newest value of every key, or why it was rejected --------------------------------------------------
@@ -524,7 +524,7 @@ class Conversation(Line):
             raise ProtocolError(
                 f"{self.link.name}: {BAD_IN_A_ROW} corrupted objects in a row, the last one: {exc.text}; "
                 f"its bytes begin {hex_bytes(exc.data[:16])}",
-                hint="check the connection with --trace FILE",
+                hint=RECORD_BYTES,
                 code="bad-json",
             )
 

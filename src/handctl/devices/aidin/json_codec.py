@@ -14,7 +14,7 @@ from typing import Any
 
 from handctl.errors import ProtocolError, UsageError
 
-BYTES = "check the bytes with --trace FILE"
+RECORD_BYTES = "record the bytes with --trace FILE, then read them with `handctl trace show FILE`"
 LARGEST_OUT = 2047
 """The hand's buffer has 2048 bytes; whose and of what is not said."""
 LONGEST_END = 2
@@ -252,9 +252,11 @@ def numbers(
     numbers of a WrongNumbers.
     """
     if not isinstance(value, list):
-        raise ProtocolError(f"expected an array of {count} numbers, found {_shown(value)}", hint=BYTES, code="bad-type")
+        raise ProtocolError(
+            f"expected an array of {count} numbers, found {_shown(value)}", hint=RECORD_BYTES, code="bad-type"
+        )
     if len(value) != count:
-        raise ProtocolError(f"expected {count} numbers, found {len(value)}", hint=BYTES, code="bad-length")
+        raise ProtocolError(f"expected {count} numbers, found {len(value)}", hint=RECORD_BYTES, code="bad-length")
     kinds = {*map(type, value)}
     if (
         int_range is None and kinds == {float} and isfinite(sum(value))
@@ -278,16 +280,18 @@ def numbers(
 
 def _checked(single: object, int_range: tuple[int, int] | None) -> float:
     if isinstance(single, bool) or not isinstance(single, int | float):
-        raise ProtocolError(f"is not a number: {_shown(single)}", hint=BYTES, code="bad-type")
+        raise ProtocolError(f"is not a number: {_shown(single)}", hint=RECORD_BYTES, code="bad-type")
     try:
         number = float(single)
     except OverflowError:
         number = inf
     if not isfinite(number):
-        raise ProtocolError(f"is not finite: {_shown(single)}", hint=BYTES, code="not-finite")
+        raise ProtocolError(f"is not finite: {_shown(single)}", hint=RECORD_BYTES, code="not-finite")
     if int_range is not None and (number != int(number) or not int_range[0] <= number <= int_range[1]):
         raise ProtocolError(
-            f"is {_shown(single)}, not an integer from {int_range[0]} to {int_range[1]}", hint=BYTES, code="bad-type"
+            f"is {_shown(single)}, not an integer from {int_range[0]} to {int_range[1]}",
+            hint=RECORD_BYTES,
+            code="bad-type",
         )
     return number
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from handctl.devices.aidin.json_codec import RECORD_BYTES
 from handctl.devices.aidin.parameter_map import FINGERS
 from handctl.errors import Hint
 from handctl.model.device_picture import Measure, Outline, Remedy, hand
 
 REMEDIES = {
-    "no-angle": Remedy("joint angles are no radians (possibly degrees)", "check the bytes with --trace FILE. Until then, move only with `encoders`", "aidin, Feedback keys"),
+    "no-angle": Remedy("joint angles are no radians (possibly degrees)", f"{RECORD_BYTES}. Until then, move only with `encoders`", "aidin, Feedback keys"),
     "range": Remedy("the origin of the encoders is not set", Hint("set it with {}: all fingers open for 3 s", "aidin home"), "aidin, Modes"),
     "all-zero": Remedy("the hand has either just been homed, or just been switched on with the fingers anywhere", Hint("run {}, unless the hand has been homed since power-on", "aidin home"), "aidin, Modes"),
 }  # fmt: skip
