@@ -8,11 +8,13 @@ from typing import Any
 
 import click
 
-from handctl.number_parsing import number_in
+from handctl.number_parsing import number_in, real_in
 from handctl.sim import create, folder_of, kinds, model_class
 from handctl.sim.bus import whole_of
 
 Address = tuple[str, int]
+LONGEST = 10**9
+"""Seconds."""
 
 
 class SimError(click.ClickException):
@@ -119,11 +121,13 @@ def _address(ctx: click.Context, param: click.Parameter, text: str | None) -> Ad
     return host.removeprefix("[").removesuffix("]") or "127.0.0.1", number
 
 
-def _number(ctx: click.Context, param: click.Parameter, value: float | None) -> float | None:
-    """No range keeps nan out."""
-    if value is not None and value != value:
-        raise click.BadParameter("not a number")
-    return value
+def _seconds(ctx: click.Context, param: click.Parameter, text: str | None) -> float | None:
+    """A time, if one was given. No range has nan in it."""
+    if text is None:
+        return None
+    if 0 <= (seconds := real_in(text)) <= LONGEST:
+        return seconds
+    raise click.BadParameter(f"{text} is not a number from 0 to {LONGEST}.")
 
 
 def _some(ctx: click.Context, param: click.Parameter, text: str | None) -> str | None:
@@ -186,7 +190,7 @@ OF_DEVICE = (
     ),
 )
 OF_SERVER = (
-    _option("--duration", metavar="S", type=click.FloatRange(0.0, 1e9), callback=_number, help="Stop after S seconds."),
+    _option("--duration", metavar="S", callback=_seconds, help=f"Stop after S seconds.  [0 to {LONGEST}]"),
     _option("--control", metavar="PATH", callback=_some, help="Open a local socket at PATH for `handctl sim control`."),
 )
 SET = "Set one of the options listed below. Can be repeated."

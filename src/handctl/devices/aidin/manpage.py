@@ -5,7 +5,7 @@ from handctl.devices.aidin.exchange_settings import TCP_PORT, section
 EXCEPTIONS = (
     ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand does not store settings."),
     ("option", "`--id`, `--baud`", "The hand is on the network and has an address instead."),
-    ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: exit code 2."),
+    ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: a serial link is refused with exit code 2."),
     ("arrival", "`currents`", "A current has no target."),
     ("expect", "`home`, `initial`", "They have their own check: each motor must come to rest at its origin."),
     ("expect", "`check`", "`check` itself tests whether a motor reaches its target."),
