@@ -225,7 +225,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Set up": {
         "devices": ("handctl.tools.devices", "name devices in the configuration file: list, add, remove, show"),
         "completion": (
-            "handctl.tools.completion_install",
+            "handctl.tools.completion",
             "print or install the shell completion: bash, zsh, fish, PowerShell",
         ),
     },
