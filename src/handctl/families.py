@@ -56,6 +56,7 @@ class FamilyRow:
                 page     optional, see `docgen.man_sections`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
+    tcp_port  port of its device's server, for tcp://HOST without one; None = the port must be given
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
     options   those that only this family has
@@ -67,6 +68,7 @@ class FamilyRow:
     help: str
     package: str
     codec: str
+    tcp_port: int | None = None
     scan: int = 100
     tell: int = 100
     options: tuple[OwnOption, ...] = ()
@@ -145,6 +147,7 @@ FAMILIES: dict[str, FamilyRow] = {
         "AIDIN-hand (TCP, JSON)",
         "handctl.devices.aidin",
         codec="handctl.devices.aidin.json_codec",
+        tcp_port=8000,
         scan=5,
         tell=3,
         facts={

@@ -42,7 +42,7 @@ def test_every_quantity_that_tells_whose_it_is_is_known() -> None:
 
     found = set()
     for kind, place in {
-        "exo": "inspire.register_map:EXO", "wrist": "inspire.register_map:WRIST", "barrett": "barrett.parameter_map:BARRETT",
+        "exo": "inspire.exo.register_map:EXO", "wrist": "inspire.wrist.register_map:WRIST", "barrett": "barrett.parameter_map:BARRETT",
         "ekso": "ekso.parameter_map:EKSO", "aidin": "aidin.parameter_map:AIDIN",
     }.items():  # fmt: skip
         assert kind in FAMILIES

@@ -19,9 +19,11 @@ from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
+from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, pdu_of
-from handctl.devices.inspire.register_map import EXO, FINGERS, WRIST, Register
+from handctl.devices.inspire.register_map import Register
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.fast_classes import replace
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.param import Element, Number, ParamMap, elements_of

@@ -201,7 +201,7 @@ def calibrate(run: Run) -> PlannedAction:
     Ctrl-C does not stop the hand. To stop it, switch its power off.
     The hand must be open and empty, with nothing touching it.
     """
-    from handctl.devices.inspire.hand import motion
+    from handctl.devices.inspire.hand import calibration, motion
 
     def steps(hand: Hand) -> list[Step]:
         return [hand.trigger_step("calibrate_force", "calibrate the force sensors")]
@@ -211,7 +211,9 @@ def calibrate(run: Run) -> PlannedAction:
         return Asked(question, steps(hand))
 
     question = f"{POWER_OFF} The whole hand opens and closes. It must be open and empty"
-    return PlannedAction(steps(run.planner()), lambda hand: motion.calibrate(hand, run.prompts), question, look=look)
+    return PlannedAction(
+        steps(run.planner()), lambda hand: calibration.calibrate(hand, run.prompts), question, look=look
+    )
 
 
 for takes_numbers in (angle, position, force, speed):
