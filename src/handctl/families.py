@@ -179,6 +179,7 @@ FAMILIES: dict[str, FamilyRow] = {
         "Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)",
         "handctl.devices.inspire.hand",
         codec="handctl.devices.inspire.eb90",
+        tcp_port=6000,  # rh56 §2.3
         scan=6,
         tell=6,
         facts={

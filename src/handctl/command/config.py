@@ -35,7 +35,6 @@ Check = Callable[[Any], Any]
 
 DEVICE_KEYS = ("port", "facts", "id", "baud", "timeout", "deadline", "retries")
 """What a named device may say beside its kind, and what `families` has for its family; port must be there."""
-NAME_HELP = "letters, digits, - and _"
 
 
 class Entry(NamedTuple):
@@ -95,17 +94,6 @@ class Statement(NamedTuple):
 MOST_BYTES = 1_000_000
 DEEPEST = 4
 """Parts of a key whose line is known: one more than any key has. A key of 20,000 parts must not cost their square."""
-
-
-def is_name(text: object) -> bool:
-    """Whether a device may have this name: it must fit into a shell word and a bare TOML key."""
-    return (
-        isinstance(text, str)
-        and bool(text)
-        and text.isascii()
-        and text.replace("-", "a").replace("_", "a").isalnum()
-        and not text.startswith("-")
-    )
 
 
 def key_checks() -> dict[str, Check]:
@@ -241,6 +229,8 @@ class _Book:
             raise self.wrong(place, f"{key} = {shown}: {exc}", "correct that line") from exc
 
     def device(self, name: str, table: Any) -> Device:
+        from handctl.command.device_names import NAME_HELP, is_name
+
         place = ("devices", name)
         if not is_name(name):
             raise self.wrong(place, f"{name!r} cannot be the name of a device", f"allowed: {NAME_HELP}")
