@@ -51,8 +51,8 @@ class FamilyRow:
                 explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
                 write_rules  in `explain`, `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and
                          what acknowledges them
-                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.outline`
-                outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.outline`
+                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.device_picture`
+                outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.device_picture`
                 page     optional, see `docgen.man_sections`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing

@@ -27,7 +27,18 @@ from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
-GROUND = ("", "number_parsing", "errors", "families", "files", "interrupts", "fast_classes", "wording", "system.*")
+GROUND = (
+    "",
+    "number_parsing",
+    "errors",
+    "families",
+    "files",
+    "interrupts",
+    "fast_classes",
+    "misspellings",
+    "wording",
+    "system.*",
+)
 """What any room may import: they know nothing of handctl, or each other at most."""
 PURE = ("errors", "families", "fast_classes", "model.device_clock", "model.frame_decoder", "model.param", "@.pure")
 
@@ -39,6 +50,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("system*", ("system.*",)),
     ("interrupts", ("system.*",)),
     ("files", ("errors", "system.*")),
+    ("misspellings", ()),
     ("wording", ("errors", "families")),
     (
         "cli",

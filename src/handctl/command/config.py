@@ -28,7 +28,6 @@ from handctl.families import FAMILIES, WIRES
 from handctl.fast_classes import fast_dataclass
 from handctl.files import NoFile, read
 from handctl.system.user_folders import config_path
-from handctl.wording import near
 
 Check = Callable[[Any], Any]
 """Value as TOML has it -> value of the option. Raises ValueError with what is wrong."""
@@ -67,6 +66,8 @@ class Config(NamedTuple):
         if found is not None:
             return found
         known = f"Named so far: {', '.join(self.devices)}" if self.devices else "No device has been named yet"
+        from handctl.misspellings import near
+
         close = near(name, self.devices)
         meant = f"Did you mean {' or '.join(close)}? " if close else ""
         raise UsageError(
@@ -219,6 +220,8 @@ class _Book:
     def entry(self, place: tuple[str, ...], value: Any, known: tuple[str, ...], what: str) -> Entry:
         key = place[-1]
         if key not in known:
+            from handctl.misspellings import near
+
             close = near(key, known)
             meant = f"Did you mean {' or '.join(close)}? " if close else ""
             raise self.wrong(place, f"{key}: no such {what}", f"{meant}Known: {', '.join(known)}")
