@@ -51,11 +51,12 @@ class FamilyRow:
                 explain  `explainer`: makes a `model.explainer.Explainer` of recorded bytes
                 write_rules  in `explain`, `words`: makes the `model.write_ledger.WriteRules` that tell which of its bytes write, and
                          what acknowledges them
-                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.outline`
-                outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.outline`
+                remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.device_picture`
+                outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.device_picture`
                 page     optional, see `docgen.man_sections`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
+    tcp_port  port of its device's server, for tcp://HOST without one; None = the port must be given
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
     options   those that only this family has
@@ -67,6 +68,7 @@ class FamilyRow:
     help: str
     package: str
     codec: str
+    tcp_port: int | None = None
     scan: int = 100
     tell: int = 100
     options: tuple[OwnOption, ...] = ()
@@ -145,6 +147,7 @@ FAMILIES: dict[str, FamilyRow] = {
         "AIDIN-hand (TCP, JSON)",
         "handctl.devices.aidin",
         codec="handctl.devices.aidin.json_codec",
+        tcp_port=8000,
         scan=5,
         tell=3,
         facts={
@@ -176,6 +179,7 @@ FAMILIES: dict[str, FamilyRow] = {
         "Inspire RH56 dexterous hands (RS-232, RS-485, CAN, Modbus RTU, Modbus TCP)",
         "handctl.devices.inspire.hand",
         codec="handctl.devices.inspire.eb90",
+        tcp_port=6000,  # rh56 §2.3
         scan=6,
         tell=6,
         facts={
@@ -225,7 +229,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Set up": {
         "devices": ("handctl.tools.devices", "name devices in the configuration file: list, add, remove, show"),
         "completion": (
-            "handctl.tools.completion_install",
+            "handctl.tools.completion",
             "print or install the shell completion: bash, zsh, fish, PowerShell",
         ),
     },

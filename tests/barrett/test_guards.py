@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.devices.barrett.parameter_map import BEYOND, TRAVEL, implausible
-from handctl.devices.barrett.realtime import cli
 from handctl.devices.barrett.realtime.control_values import Change, Controls, Schedule
 from handctl.devices.barrett.realtime.guards import GUARDS, Guards, Limits
 from handctl.errors import CheckFailed, ProtocolError, UsageError
@@ -186,7 +185,6 @@ def test_a_position_that_cannot_be_ends_the_loop() -> None:
 
 def test_every_guard_can_be_switched_off_by_name() -> None:
     """With all off nothing is added to the blocks and nothing held: the hand as it was."""
-    assert tuple(GUARDS) == cli.GUARDS
     loop = driven(100, guards=(), receive={0: ("delta",)}, delta_unit=1, first="position F1 16000").go(
         None, duration=0.5
     )

@@ -24,8 +24,9 @@ from handctl.errors import HandctlError, Interrupted, LinkError, NoAnswer, Outpu
 from handctl.model.device_clock import WITHIN_MS, Moment
 from handctl.model.prompts import Prompts
 from handctl.record.csv_and_sidecar import changed, file_name, without_interrupts
+from handctl.record.csv_columns import clean
 from handctl.record.recording_loop import Limits, Loop
-from handctl.record.row_source import Sample, clean
+from handctl.record.row_source import Sample
 from handctl.record.timeline import LEARNED, MOST_PARTED, ClockFit, Timeline
 from tests.ekso.recordings import STANDING, Device, opened, recorded, run, steady, words_at
 from tests.ekso.support import SETTINGS as GET_SETTINGS

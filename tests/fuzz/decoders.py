@@ -17,7 +17,7 @@ from handctl.devices.barrett.realtime import blocks
 from handctl.devices.ekso import frames
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.explain_bytes import InspireExplainer
-from handctl.devices.inspire.register_map import WRIST
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import LinkError, ProtocolError, UsageError
 from handctl.link import CanFrame, Deadline
 from handctl.model.explainer import SIDES

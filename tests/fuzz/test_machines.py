@@ -30,7 +30,8 @@ from handctl.devices.barrett import motion as barrett_motion
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.exo import device as exo_motion
-from handctl.devices.inspire.register_map import EXO, WRIST
+from handctl.devices.inspire.exo.register_map import EXO
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import UsageError
 from handctl.model.param import Element
 from handctl.model.prompts import Prompts

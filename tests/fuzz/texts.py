@@ -230,7 +230,7 @@ class EksoLog:
     def __init__(self, folder: Path) -> None:
         from handctl.devices.ekso.recording_source import RowLayout
         from handctl.model.device_clock import Moment
-        from handctl.record.row_source import Stamp
+        from handctl.record.csv_columns import Stamp
         from handctl.record.timeline import Timeline
         from tests.ekso.recordings import words_at
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from handctl.command.get_set_watch import select
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.register_device import Memory, plan
-from handctl.devices.inspire.register_map import EXO
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.param import Element, elements_of
 from tests.support.scripted import Reply, ScriptedLink, codes, fake_hand, hand_on, hexed, message, unhex

@@ -9,10 +9,10 @@ import pytest
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo import device as exo_motion
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.hand import motion as hand_motion
 from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.register_map import EXO
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import DeviceRefused, HandctlError
 from handctl.link import ByteLink, Deadline, open_link

@@ -6,7 +6,7 @@ import pytest
 
 from handctl.command.get_set_watch import select
 from handctl.devices.inspire.exo.device import registers_view, status_view, unhealthy
-from handctl.devices.inspire.register_map import EXO
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, LinkError, NoAnswer
 from handctl.model.param import Reading, elements_of
 from handctl.model.result import Cell

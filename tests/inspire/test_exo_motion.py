@@ -7,8 +7,9 @@ from collections.abc import Callable
 import pytest
 
 from handctl.devices.inspire import raw
+from handctl.devices.inspire.exo import calibration
 from handctl.devices.inspire.exo import device as procedures
-from handctl.devices.inspire.register_map import EXO
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
 from handctl.model.stop_on_interrupt import NOT_STOPPED
@@ -44,7 +45,7 @@ UNMOVED = "EB 90 01 0D 12 CE 05 FF FF FF FF FF FF FF FF FF FF E9"
 def test_calibration_reports_its_end() -> None:
     hand, link = fake_hand()
     prompts = NotedGuide()
-    table = procedures.calibrate(hand, prompts)
+    table = calibration.calibrate(hand, prompts)
     assert table.rows[0]["value"] == "completed"
     assert table.rows[0]["seconds"] == pytest.approx(11.7, abs=0.1)
     assert changing(link.sent) == [CALIBRATE]
@@ -54,14 +55,14 @@ def test_calibration_reports_its_end() -> None:
 
 def test_nothing_is_sent_during_a_calibration() -> None:
     hand, link = fake_hand()
-    procedures.calibrate(hand, Prompts())
+    calibration.calibrate(hand, Prompts())
     assert hexed(link.sent[0]) == CALIBRATE
     assert link.sent_at[1] >= link.sent_at[0] + 11.7
 
 
 def test_calibration_without_a_report_ends_after_30_seconds() -> None:
     hand, link = fake_hand("fault=no-late-frames")
-    table = procedures.calibrate(hand, Prompts())
+    table = calibration.calibrate(hand, Prompts())
     assert table.rows[0]["value"] == "not reported"
     assert 30.0 <= link.sent_at[1] < 31.0
     assert "did not report that the calibration ended within 30 s" in message(hand, "no-completion")
@@ -83,20 +84,20 @@ def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
     """Bluetooth and USB adapters split frames anywhere (dossier 1.1); no moment may lose one."""
     data = CALIBRATED.split()
     link = calibrating((0.0, CALIBRATE_ACK), (moment, " ".join(data[:cut])), (moment + 0.02, " ".join(data[cut:])))
-    table = procedures.calibrate(hand_on(link), Prompts())
+    table = calibration.calibrate(hand_on(link), Prompts())
     assert table.rows[0]["value"] == "completed"
 
 
 def test_ack_and_end_of_calibration_in_one_piece() -> None:
     link = calibrating((0.1, f"{CALIBRATE_ACK} {CALIBRATED}"))
-    assert procedures.calibrate(hand_on(link), Prompts()).rows[0]["value"] == "completed"
+    assert calibration.calibrate(hand_on(link), Prompts()).rows[0]["value"] == "completed"
 
 
 def test_calibration_refused_or_unanswered() -> None:
     with pytest.raises(DeviceRefused):
-        procedures.calibrate(hand_on(calibrating((0.0, "90 EB 01 04 12 F1 03 00 0B"))), Prompts())
+        calibration.calibrate(hand_on(calibrating((0.0, "90 EB 01 04 12 F1 03 00 0B"))), Prompts())
     with pytest.raises(NoAnswer) as caught:
-        procedures.calibrate(hand_on(link := calibrating()), Prompts())
+        calibration.calibrate(hand_on(link := calibrating()), Prompts())
     assert changing(link.sent) == [CALIBRATE]
     assert "calibrat" in f"{caught.value.text} {caught.value.hint}", "it may be running: the wearer must know"
 
@@ -106,7 +107,7 @@ def test_interrupted_calibration_says_that_it_goes_on(moment: float) -> None:
     link = calibrating((0.05, CALIBRATE_ACK))
     link.interrupt_at = moment
     with pytest.raises(HandctlError) as caught:
-        procedures.calibrate(hand_on(link), Prompts())
+        calibration.calibrate(hand_on(link), Prompts())
     assert caught.value.exit_code == 130
     assert "still calibrating" in caught.value.text
     assert [hexed(request) for request in link.sent] == [CALIBRATE]
@@ -344,5 +345,5 @@ def test_a_link_lost_during_a_command_or_a_write_is_told() -> None:
 def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:
     hand, _ = fake_hand("fault=disconnect")
     with pytest.raises(LinkError) as caught:
-        procedures.calibrate(hand, Prompts())
+        calibration.calibrate(hand, Prompts())
     assert "still calibrating" in caught.value.text

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire.exo import calibration
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
@@ -319,7 +320,7 @@ PROCEDURES: dict[str, Callable[[ExoHand], object]] = {
     "clear-errors": id_baud_save_reset.clear_errors,
     "save": lambda hand: id_baud_save_reset.save(hand, Prompts()),
     "factory-reset": id_baud_save_reset.factory_reset,
-    "calibrate": lambda hand: motion.calibrate(hand, Prompts()),
+    "calibrate": lambda hand: calibration.calibrate(hand, Prompts()),
     "position": lambda hand: motion.move(hand, dict(enumerate((500, 400, 300, 200, 100))), Prompts(), wait=3.0),
     "force": lambda hand: hand.command("force", [0] * 5),
 }

@@ -8,6 +8,7 @@ import pytest
 
 from handctl.cli import main
 from handctl.devices.inspire import raw as by_number
+from handctl.devices.inspire.exo import raw
 from handctl.errors import HandctlError, NoAnswer, UsageError
 from tests.support.each_row import each_row
 from tests.support.scripted import (
@@ -198,7 +199,7 @@ def test_lost_ack_of_a_write_is_read_back() -> None:
 
 
 def test_reads_are_harmless() -> None:
-    step = by_number.plan_raw(unhex(READ_VOLTAGE), False)
+    step = raw.plan_raw(unhex(READ_VOLTAGE), False)
     assert (step.moves, step.strands) == (False, False)
     assert "2 bytes at 1472" in step.meaning
 
@@ -218,7 +219,7 @@ def test_reads_are_harmless() -> None:
     ],
 )
 def test_anything_else_asks_first(data: str) -> None:
-    step = by_number.plan_raw(unhex(data), False)
+    step = raw.plan_raw(unhex(data), False)
     assert step.data == unhex(data)
     assert step.moves or step.strands
 
@@ -237,12 +238,12 @@ def test_a_bad_frame_does_not_hide_a_good_one(data: str) -> None:
     before = hexed(hand.bus.read(1486, 22))
     by_number.exchange(hand, unhex(data), 0.5)
     assert hexed(hand.bus.read(1486, 22)) != before, "the simulated hand carries it out"
-    step = by_number.plan_raw(unhex(data), False)
+    step = raw.plan_raw(unhex(data), False)
     assert step.moves or step.strands
 
 
 def test_one_spoiled_frame_alone_is_harmless() -> None:
-    step = by_number.plan_raw(unhex("EB 90 01 04 11 C0 05 02 00"), False)
+    step = raw.plan_raw(unhex("EB 90 01 04 11 C0 05 02 00"), False)
     assert not step.moves and not step.strands
     assert "2 bytes at 1472" in step.meaning and "checksum" in step.meaning
 
@@ -250,9 +251,9 @@ def test_one_spoiled_frame_alone_is_harmless() -> None:
 @pytest.mark.parametrize("data", [INDEX_300, FORCE, "EB 90 01 04 12 ED 03 01 08", "EB 90 01 04 77 00 00 00 7C"])
 def test_a_command_with_any_checksum_asks_as_with_the_right_one(data: str) -> None:
     """A whole command frame with a wrong sum: a bus error or a lenient device could take it."""
-    right = by_number.plan_raw(unhex(data), False)
+    right = raw.plan_raw(unhex(data), False)
     for wrong in range(256):
-        step = by_number.plan_raw(unhex(data)[:-1] + bytes([wrong]), False)
+        step = raw.plan_raw(unhex(data)[:-1] + bytes([wrong]), False)
         if wrong == 0xEB:  # it might begin a frame
             assert step.moves and step.strands
             continue
@@ -263,12 +264,12 @@ def test_a_command_with_any_checksum_asks_as_with_the_right_one(data: str) -> No
 
 def test_what_is_out_of_range_is_refused_with_a_wrong_checksum_too() -> None:
     with pytest.raises(UsageError, match="1001"):
-        by_number.plan_raw(unhex("EB 90 01 05 12 D4 05 E9 03 00"), False)
-    assert by_number.plan_raw(unhex("EB 90 01 05 12 D4 05 E9 03 00"), True).moves
+        raw.plan_raw(unhex("EB 90 01 05 12 D4 05 E9 03 00"), False)
+    assert raw.plan_raw(unhex("EB 90 01 05 12 D4 05 E9 03 00"), True).moves
 
 
 def test_a_spoiled_command_between_other_bytes_asks() -> None:
-    step = by_number.plan_raw(unhex(f"00 00 {FORCE[:-2]}00 00"), False)
+    step = raw.plan_raw(unhex(f"00 00 {FORCE[:-2]}00 00"), False)
     assert step.moves and step.strands
 
 
@@ -286,10 +287,10 @@ def test_a_spoiled_command_between_other_bytes_asks() -> None:
 )
 def test_commands_out_of_range_are_refused_unless_forced(data: str, code: str) -> None:
     with pytest.raises(UsageError) as caught:
-        by_number.plan_raw(unhex(data), False)
+        raw.plan_raw(unhex(data), False)
     assert caught.value.code == code
     assert "--force-ambiguous" in f"{caught.value.text} {caught.value.hint}" or code == "out-of-range"
-    assert by_number.plan_raw(unhex(data), True).moves
+    assert raw.plan_raw(unhex(data), True).moves
 
 
 # -- exchanging -------------------------------------------------------------------------------------------------------
@@ -366,7 +367,7 @@ SAVE = "EB 90 01 04 12 ED 03 01 08"
 )
 def test_a_raw_write_is_named_before_it_is_confirmed(data: str, words: str) -> None:
     """Someone may be wearing the hand: 1009 is not a number to say yes to (exo §2.3)."""
-    assert words in by_number.plan_raw(unhex(data), False).meaning
+    assert words in raw.plan_raw(unhex(data), False).meaning
 
 
 @pytest.mark.parametrize(
@@ -384,9 +385,9 @@ def test_a_raw_write_is_named_before_it_is_confirmed(data: str, words: str) -> N
 def test_raw_writes_out_of_range_are_refused_unless_forced(data: str) -> None:
     """Out of range is refused (cli contract, 7); ids 0 and 255 are never sent to (dossier, 1.1)."""
     with pytest.raises(UsageError) as caught:
-        by_number.plan_raw(unhex(data), False)
+        raw.plan_raw(unhex(data), False)
     assert "--force-ambiguous" in caught.value.hint
-    assert by_number.plan_raw(unhex(data), True).moves
+    assert raw.plan_raw(unhex(data), True).moves
 
 
 @pytest.mark.parametrize("flag", ["17", "18"])
@@ -416,7 +417,7 @@ def test_bytes_shorter_than_a_frame_with_a_late_answer() -> None:
 
 def test_interrupted_raw_bytes_are_told_once_they_went_out() -> None:
     data = unhex("EB 90 01 04 12 F1 03 01 0C")
-    hand, step = hand_on(ScriptedLink(lambda request: [])), by_number.plan_raw(data, False)
+    hand, step = hand_on(ScriptedLink(lambda request: [])), raw.plan_raw(data, False)
     with pytest.raises(KeyboardInterrupt), by_number.goes_on(hand, step):
         raise KeyboardInterrupt
     with pytest.raises(HandctlError) as caught, by_number.goes_on(hand, step):

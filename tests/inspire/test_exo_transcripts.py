@@ -11,10 +11,10 @@ import pytest
 
 from handctl.cli import main
 from handctl.command.get_set_watch import select
-from handctl.devices.inspire import id_baud_save_reset, raw
-from handctl.devices.inspire.exo import device as motion
+from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire.exo import calibration, raw
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.register_map import EXO
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.errors import HandctlError, UsageError
 from handctl.link.transcript import Entry, parse
 from handctl.model.prompts import Prompts
@@ -136,7 +136,7 @@ def act(hand: ExoHand, words: list[str]) -> Table | str:
         case ["factory-reset"]:
             return id_baud_save_reset.factory_reset(hand)
         case ["calibrate"]:
-            return motion.calibrate(hand, prompts)
+            return calibration.calibrate(hand, prompts)
         case ["force" | "position", *values]:
             return hand.command(words[0], [int(value) for value in values])
     raise AssertionError(f"unknown action {words}")

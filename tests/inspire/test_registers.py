@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.register_map import BAUD_RATES, ERROR_BITS, EXO, FINGERS, OVER_TEMPERATURE, register_of
+from handctl.devices.inspire.exo.register_map import EXO, FINGERS
+from handctl.devices.inspire.register_map import BAUD_RATES, ERROR_BITS, OVER_TEMPERATURE, register_of
 from tests.support.scripted import hexed, unhex
 
 FIVE = ("little", "ring", "middle", "index", "thumb")

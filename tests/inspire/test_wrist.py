@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.command.get_set_watch import select
-from handctl.devices.inspire.register_map import WRIST
 from handctl.devices.inspire.wrist.device import status_view
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
 from handctl.model.param import Element
 from tests.inspire.wrist_support import (

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.inspire.register_map import WRIST
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, UsageError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table

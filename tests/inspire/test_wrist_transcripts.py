@@ -12,9 +12,9 @@ import pytest
 
 from handctl.cli import main
 from handctl.command.get_set_watch import select
-from handctl.devices.inspire.register_map import WRIST
 from handctl.devices.inspire.wrist import raw
 from handctl.devices.inspire.wrist.device import Wrist
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import HandctlError, UsageError
 from handctl.link import ByteLink, CanFrame, FrameLink
 from handctl.link.transcript import Entry, parse

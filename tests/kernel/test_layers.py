@@ -27,9 +27,20 @@ from tests.support.each_row import each_row
 from tests.support.loading import back_ends, heavy, loaded, ours
 
 ROOT = Path(handctl.__file__).parent
-GROUND = ("", "number_parsing", "errors", "families", "files", "interrupts", "fast_classes", "wording", "system.*")
+GROUND = (
+    "",
+    "number_parsing",
+    "errors",
+    "families",
+    "files",
+    "interrupts",
+    "fast_classes",
+    "misspellings",
+    "wording",
+    "system.*",
+)
 """What any room may import: they know nothing of handctl, or each other at most."""
-PURE = ("errors", "fast_classes", "model.device_clock", "model.frame_decoder", "model.param", "@.pure")
+PURE = ("errors", "families", "fast_classes", "model.device_clock", "model.frame_decoder", "model.param", "@.pure")
 
 RULES: list[tuple[str, tuple[str, ...]]] = [
     # room or module, what it may import of handctl (first pattern that fits; `@` is its own family, @.pure what is sans I/O there)
@@ -39,6 +50,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("system*", ("system.*",)),
     ("interrupts", ("system.*",)),
     ("files", ("errors", "system.*")),
+    ("misspellings", ()),
     ("wording", ("errors", "families")),
     (
         "cli",
@@ -86,8 +98,8 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
             "screen.*",
             "stop.*",
             "tools.doctor",
-            "tools.listen_command",
-            "tools.terminal_command",
+            "tools.listen",
+            "tools.terminal",
         ),
     ),
     ("charts*", (*GROUND, "model.*", "charts.*")),
@@ -128,7 +140,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
     ("devices.*page", (*GROUND, "charts.*", "model.result", "report.*", "@")),
     ("devices.*cli", (*GROUND, "command.*", "link", "model.*", "record.*", "stop.*", "@")),
     ("devices.*", (*GROUND[1:], "link", "link.deadman", "model.*", "record.*", "@")),
-    ("tools.completion_install", (*GROUND, "docgen*", "command.*", "model.*")),
+    ("tools.completion", (*GROUND, "docgen*", "command.*", "model.*")),
     ("tools.sim", ("families", "link.fake", "link.twin_values", "sim.cli")),
     ("tools.help", (*GROUND, "docgen*", "command.*", "guides", "model.*")),
     (
@@ -380,7 +392,7 @@ def test_what_devices_share_knows_none_of_them() -> None:
     assert single == {"devices.inspire.exo", "devices.inspire.wrist", "devices.inspire.hand"}
     for found in internal():
         home = found.module.rpartition(".")[0]
-        if any(device.startswith(f"{home}.") for device in single) and not found.module.endswith(".explain_bytes"):
+        if any(device.startswith(f"{home}.") for device in single):
             assert not found.target.startswith(tuple(single)), found
 
 

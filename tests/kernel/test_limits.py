@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.devices.inspire.register_map import EXO
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
 from handctl.model.reading_limits import Bound, Watchdog, bound_in

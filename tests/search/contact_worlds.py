@@ -10,9 +10,11 @@ from typing import Any, NamedTuple
 from handctl.devices.aidin.device import outside
 from handctl.devices.aidin.parameter_map import FEEDBACK
 from handctl.devices.ekso.parameter_map import MESSAGES, Word
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.hand.generations import DF, TP
 from handctl.devices.inspire.hand.register_map import BYTE_MAP
-from handctl.devices.inspire.register_map import EXO, WRIST, Register
+from handctl.devices.inspire.register_map import Register
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.sim.ekso.device import crc
 from tests.support.odd_devices import odd_aidin, odd_ekso, odd_registers
 

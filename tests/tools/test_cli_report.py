@@ -172,7 +172,7 @@ def test_a_family_may_look_deeper(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     from handctl.command.command_tree import Group
     from handctl.command.common_commands import add_map_verbs
     from handctl.devices.inspire.exo.cli import cli
-    from handctl.devices.inspire.register_map import EXO
+    from handctl.devices.inspire.exo.register_map import EXO
 
     def checks(_run: object) -> Table:
         rows: list[Row] = [{"check": "cable", "status": "fail"}]

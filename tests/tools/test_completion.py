@@ -21,7 +21,7 @@ from handctl.command.command_tree import root
 from handctl.docgen.completion_scripts import MARK, SHELLS
 from handctl.docgen.read_command_tree import map_of
 from handctl.families import COMMANDS, FAMILIES
-from handctl.tools import completion_install as tool
+from handctl.tools import completion as tool
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.shell import PRESENT, PROJECT, SCRIPTS, Terminal

@@ -14,7 +14,7 @@ import pytest
 from handctl.families import FAMILIES
 from handctl.link import fake
 from handctl.system import serial_ports
-from handctl.tools import listen_command
+from handctl.tools import listen as tool
 from handctl.tools.family_probe import family_of
 from tests.contract.facts import facts_of, passed
 from tests.support.cli import run
@@ -190,7 +190,7 @@ def speaks_at(right: int) -> Any:
 @each_row("right", [9600, 38400, 600])
 def test_the_baud_rate_is_found(right: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """And then it stays there."""
-    monkeypatch.setattr(listen_command, "received", speaks_at(right))
+    monkeypatch.setattr(tool, "received", speaks_at(right))
     result = run("barrett", "listen", "--find-baud", "--json", "--duration", "40", "-p", "fake://barrett?clock=virtual")
     rows, end = result.stream
     assert "baud-found" in result.said
@@ -202,7 +202,7 @@ def test_the_baud_rate_is_found(right: int, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_garbage_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listen_command, "received", speaks_at(38400))
+    monkeypatch.setattr(tool, "received", speaks_at(38400))
     result = run("barrett", "listen", "--duration", "3", "-p", "fake://barrett?clock=virtual")
     assert (result.code, result.said) == (0, ["garbage"])
     assert "--find-baud" in result.err
@@ -232,28 +232,28 @@ class Uart:
 def test_framing_errors_refuse_a_baud_rate_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Long before the dwell is over, and also where the bytes seem to make sense."""
     uart = Uart(19200)
-    monkeypatch.setattr(listen_command, "received", uart.received(b"\r\n=> "))
+    monkeypatch.setattr(tool, "received", uart.received(b"\r\n=> "))
     monkeypatch.setattr(fake.FakeLink, "framing_errors", lambda _: uart.counted)
     result = run("barrett", "listen", "--find-baud", "--json", "--count", "30", "-p", "fake://barrett?clock=virtual")
     rows, end = result.stream
     assert "baud-found" in result.said and "garbage" not in result.said
     moments = [row["t"] for row in rows if row["kind"] == "event"]
     assert [row["meaning"] for row in rows if row["kind"] == "event"] == ["baud 38400", "baud 19200"]
-    assert moments[-1] < 1.0 < listen_command.DWELL
+    assert moments[-1] < 1.0 < tool.DWELL
     found = {row["baud"]: row["framing_errors"] for row in end["statistics"]["bauds"]}
     assert found[19200] == 0 and found.get(38400, 2) > 0
 
 
 def test_bytes_that_seem_to_make_sense_with_framing_errors_are_not_believed(monkeypatch: pytest.MonkeyPatch) -> None:
     uart = Uart(0)
-    monkeypatch.setattr(listen_command, "received", lambda link, _: (link.sleep(0.1), (b"\r\n=> ", None))[1])
+    monkeypatch.setattr(tool, "received", lambda link, _: (link.sleep(0.1), (b"\r\n=> ", None))[1])
     monkeypatch.setattr(fake.FakeLink, "framing_errors", lambda _: setattr(uart, "counted", uart.counted + 1) or uart.counted)  # fmt: skip
     result = run("barrett", "listen", "--find-baud", "--duration", "9", "-p", "fake://barrett?clock=virtual")
     assert "baud-found" not in result.said
 
 
 def test_a_port_that_counts_no_framing_errors_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(listen_command, "received", speaks_at(38400))
+    monkeypatch.setattr(tool, "received", speaks_at(38400))
     words = ("barrett", "listen", "--find-baud", "--duration", "20", "-p", "fake://barrett?clock=virtual")
     assert [row["framing_errors"] for row in run(*words, "--json").stream[1]["statistics"]["bauds"]][-1:] == [None]
     assert "does not count framing errors" in run(*words).out

@@ -20,7 +20,8 @@ from handctl.report import LONGEST, Recorded, environment, explained, port, shor
 from handctl.report.html import Report, page
 from handctl.report.redaction import Privacy
 from handctl.tools import port_inventory
-from handctl.tools.port_inventory import Chip, Machine, Port
+from handctl.tools.adapter_chips import Chip
+from handctl.tools.port_inventory import Machine, Port
 from tests.support.page import Page
 
 OPEN: ParamMap[Param] = ParamMap("exo", [Param(name="speed", doc="", source="")])
@@ -42,7 +43,7 @@ def test_every_quantity_that_tells_whose_it_is_is_known() -> None:
 
     found = set()
     for kind, place in {
-        "exo": "inspire.register_map:EXO", "wrist": "inspire.register_map:WRIST", "barrett": "barrett.parameter_map:BARRETT",
+        "exo": "inspire.exo.register_map:EXO", "wrist": "inspire.wrist.register_map:WRIST", "barrett": "barrett.parameter_map:BARRETT",
         "ekso": "ekso.parameter_map:EKSO", "aidin": "aidin.parameter_map:AIDIN",
     }.items():  # fmt: skip
         assert kind in FAMILIES

@@ -9,7 +9,7 @@ import pytest
 
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
-from handctl.tools import terminal_command
+from handctl.tools import terminal as tool
 from tests.contract.facts import facts_of, passed
 from tests.support.cli import Simulator, run
 from tests.support.each_row import each_row
@@ -153,7 +153,7 @@ def test_a_dry_run_shows_the_bytes(tmp_path: Path) -> None:
 @pytest.fixture
 def typing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each look finds a line, as long as there are some."""
-    monkeypatch.setattr(terminal_command.keys, "typed_line", lambda stream: stream.readline())
+    monkeypatch.setattr(tool.keys, "typed_line", lambda stream: stream.readline())
 
 
 @pytest.mark.usefixtures("typing")
@@ -204,7 +204,7 @@ def test_ctrl_c_stops_what_a_line_has_set_going(family: str, tmp_path: Path, mon
     def interrupted(*_: Any) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(terminal_command.Conversation, "hear", interrupted)
+    monkeypatch.setattr(tool.Conversation, "hear", interrupted)
     result = run(family, "terminal", line, "-y", "--trace", trace, "-p", link(family))
     assert result.code in (130, 4, 5, 6), result
     gone = sent(trace)

@@ -251,7 +251,7 @@ def add_map_verbs(
         You can start it before the device is switched on. Ctrl-C ends it, and a summary follows. --trace FILE keeps the bytes
         for `trace show` and -p replay:FILE. Exit code 4 means that not a single byte came.
         """
-        from handctl.tools.listen_command import listen as heard
+        from handctl.tools.listen import listen as heard
 
         return heard(run, count, duration, find_baud=find_baud)
 
@@ -266,7 +266,7 @@ def add_map_verbs(
         script: handctl checks every line before it sends the first. Ctrl-D ends the terminal and leaves the device as it is.
         Ctrl-C also stops the device if something was sent that may move it. --trace FILE keeps the bytes.
         """
-        from handctl.tools.terminal_command import terminal as typed
+        from handctl.tools.terminal import terminal as typed
 
         return typed(run, lines, wait, as_hex=as_hex)
 

@@ -28,14 +28,12 @@ from handctl.families import FAMILIES, WIRES
 from handctl.fast_classes import fast_dataclass
 from handctl.files import NoFile, read
 from handctl.system.user_folders import config_path
-from handctl.wording import near
 
 Check = Callable[[Any], Any]
 """Value as TOML has it -> value of the option. Raises ValueError with what is wrong."""
 
 DEVICE_KEYS = ("port", "facts", "id", "baud", "timeout", "deadline", "retries")
 """What a named device may say beside its kind, and what `families` has for its family; port must be there."""
-NAME_HELP = "letters, digits, - and _"
 
 
 class Entry(NamedTuple):
@@ -68,6 +66,8 @@ class Config(NamedTuple):
         if found is not None:
             return found
         known = f"Named so far: {', '.join(self.devices)}" if self.devices else "No device has been named yet"
+        from handctl.misspellings import near
+
         close = near(name, self.devices)
         meant = f"Did you mean {' or '.join(close)}? " if close else ""
         raise UsageError(
@@ -95,17 +95,6 @@ class Statement(NamedTuple):
 MOST_BYTES = 1_000_000
 DEEPEST = 4
 """Parts of a key whose line is known: one more than any key has. A key of 20,000 parts must not cost their square."""
-
-
-def is_name(text: object) -> bool:
-    """Whether a device may have this name: it must fit into a shell word and a bare TOML key."""
-    return (
-        isinstance(text, str)
-        and bool(text)
-        and text.isascii()
-        and text.replace("-", "a").replace("_", "a").isalnum()
-        and not text.startswith("-")
-    )
 
 
 def key_checks() -> dict[str, Check]:
@@ -231,6 +220,8 @@ class _Book:
     def entry(self, place: tuple[str, ...], value: Any, known: tuple[str, ...], what: str) -> Entry:
         key = place[-1]
         if key not in known:
+            from handctl.misspellings import near
+
             close = near(key, known)
             meant = f"Did you mean {' or '.join(close)}? " if close else ""
             raise self.wrong(place, f"{key}: no such {what}", f"{meant}Known: {', '.join(known)}")
@@ -241,6 +232,8 @@ class _Book:
             raise self.wrong(place, f"{key} = {shown}: {exc}", "correct that line") from exc
 
     def device(self, name: str, table: Any) -> Device:
+        from handctl.command.device_names import NAME_HELP, is_name
+
         place = ("devices", name)
         if not is_name(name):
             raise self.wrong(place, f"{name!r} cannot be the name of a device", f"allowed: {NAME_HELP}")

@@ -1,6 +1,6 @@
 """get, set, describe and watch, the same for every device with a parameter map.
 
-snapshot, diff and restore are in `stored`. What they need of a device is `model.device.Device`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
+snapshot, diff and restore are in `snapshots`. What they need of a device is `model.device.Device`; its own peculiarities (an id that answers elsewhere once written) live in its `write`.
 """
 
 from __future__ import annotations

@@ -29,9 +29,10 @@ from handctl.record.csv_and_sidecar import (
     refuse_existing,
     without_interrupts,
 )
+from handctl.record.csv_columns import RowsLayout
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording_loop import Limits, Loop
-from handctl.record.row_source import Ended, RowsLayout, Sample, Source
+from handctl.record.row_source import Ended, Sample, Source
 from handctl.screen.csv_output import REMARKS, column_of, in_persons_unit
 from handctl.screen.plain_tables import text_of
 from handctl.wording import plural

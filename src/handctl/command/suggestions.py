@@ -11,7 +11,7 @@ import click
 
 from handctl.command.options import command_line
 from handctl.families import COMMANDS, FAMILIES
-from handctl.wording import near, slips
+from handctl.misspellings import near, slips
 
 SAME = (
     # what is typed, and which commands may be meant, the most likely first

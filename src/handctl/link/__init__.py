@@ -7,7 +7,7 @@
     can:INTERFACE:CHANNEL[?bitrate=…]                         can.py      (python-can)
     replay:FILE                                               replay.py   (a transcript plays the device)
 
-What all of them are is in base.py. The clock belongs to the link: deadlines are made by it, so a link may run on
+What all of them are is in link_interface.py. The clock belongs to the link: deadlines are made by it, so a link may run on
 virtual time.
 """
 

@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.number_parsing import number_in, typed_number
-from handctl.wording import near, plural
+from handctl.wording import plural
 
 Number = int | float
 
@@ -301,6 +301,8 @@ class ParamMap(Generic[P]):
         return param, [param.each[param.elements.index(part)]]
 
     def _near(self, name: str) -> str:
+        from handctl.misspellings import near
+
         known = [known for one in self.every for known in (one.name, getattr(one, "mnemonic", "")) if known]
         ask = f"`handctl {self.kind} describe` lists them all"
         return f"did you mean {' or '.join(found)}? {ask}" if (found := near(name, known)) else ask

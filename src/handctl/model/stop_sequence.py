@@ -104,8 +104,6 @@ class Stopped(NamedTuple):
 StopSequence = Generator[StopStep, Pieces, Stopped]
 
 
-HEARTBEAT_TIMEOUT = 0.5
-"""Seconds for which a command may hang that drives what does not end by itself, such as currents."""
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
 QUIET = Step("listen", b"")
 """Nothing is sent."""

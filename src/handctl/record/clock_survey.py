@@ -17,8 +17,8 @@ from typing import Any, NamedTuple
 
 from handctl.model.device_clock import WITHIN_MS, Moment
 from handctl.record import timeline
+from handctl.record.csv_columns import MARK
 from handctl.record.log_reader import LATEST_S, Block, LogFile, damaged
-from handctl.record.row_source import MARK
 from handctl.record.timeline import Place
 
 NOTE = re.compile(r"\[(port lost|reboot|clocks [^]]*|gap [0-9]{1,9}[.][0-9]{3} s)\](?:; |$)")

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import atomic_write, writing
+from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import Heard
-from handctl.record.row_source import Stamp, clean
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
 from handctl.system import disk, signals
 

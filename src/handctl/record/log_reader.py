@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, NamedTuple
 from handctl.errors import Hint, UsageError
 from handctl.files import NoFile, opened, read_text
 from handctl.record.csv_and_sidecar import schema
-from handctl.record.row_source import MARK, lead
+from handctl.record.csv_columns import MARK, lead
 from handctl.wording import plural
 
 ROWS = 1000

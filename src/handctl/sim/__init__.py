@@ -1,7 +1,7 @@
 """Simulated devices: a second, independent reading of the manuals, standard library only.
 
-`create` returns a `Line` (engine/line.py), the end of a cable: bytes in, bytes out, time passed in by the caller; or, for
-a device on a CAN bus (option bus=can), a `CanLine` (engine/can.py): frames in, frames out. The in-process fake link
+`create` returns a `Line` (engine/line_and_faults.py), the end of a cable: bytes in, bytes out, time passed in by the caller; or, for
+a device on a CAN bus (option bus=can), a `CanLine` (engine/can_line.py): frames in, frames out. The in-process fake link
 and the servers of engine/serve.py drive the same object, so both show the same device.
 
 A simulated device is a folder here, called as its command is: `SUMMARY` and `WIRES` ("serial" or "tcp", "can", "modbus-tcp")

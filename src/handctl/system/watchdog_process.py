@@ -33,6 +33,8 @@ class Job(NamedTuple):
     bound: float
 
 
+HEARTBEAT_TIMEOUT = 0.5
+"""Seconds for which a command may hang that drives what does not end by itself, such as currents."""
 PULSE = b"\0\0"
 """A message that tells only that the parent lives."""
 

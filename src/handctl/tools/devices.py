@@ -16,7 +16,7 @@ import click
 
 from handctl.command import config_edit
 from handctl.command.command_tree import Group
-from handctl.command.config import DEVICE_KEYS, NAME_HELP, Config, Device, is_name, read_config
+from handctl.command.config import DEVICE_KEYS, Config, Device, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
 from handctl.command.option_types import InFile
@@ -92,6 +92,8 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
+    from handctl.command.device_names import NAME_HELP, is_name
+
     if not is_name(name):
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     given = _given(run)

@@ -16,8 +16,8 @@ from handctl.command.options import CONNECTION, OUTPUT, WRITING, SharedOption
 from handctl.command.run import Run
 from handctl.errors import Hint, UsageError
 from handctl.families import COMMANDS, FAMILIES
+from handctl.misspellings import near
 from handctl.model.result import Column, Table
-from handctl.wording import near
 
 OPTIONS = "options"
 HOW = (

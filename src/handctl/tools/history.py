@@ -20,9 +20,9 @@ from handctl.command.run import Run
 from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES
 from handctl.files import why_unwritable
+from handctl.misspellings import near
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.model.write_ledger import CONFIRMED, IN_WORDS
-from handctl.wording import near
 
 MEANINGS = 3
 """Steps of one command that the table names."""

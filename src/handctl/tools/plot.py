@@ -21,11 +21,12 @@ from handctl.command.option_types import InFile
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES
+from handctl.misspellings import near
 from handctl.model.param import scale_of
 from handctl.model.result import PARTS, Column, Row, Table
 from handctl.record.csv_and_sidecar import schema
 from handctl.screen.csv_output import of_column
-from handctl.wording import near, plural
+from handctl.wording import plural
 
 # -- the CSV files of `watch`, `log` and `realtime` as curves: of each pixel the lowest and the highest value ------
 

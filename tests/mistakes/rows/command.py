@@ -90,7 +90,7 @@ ROWS = (
     mistake(
         "frame-swapped-letters-are-another-word",
         "wrong advice",
-        "handctl.wording",
+        "handctl.misspellings",
         "_slipped",
         "return swapped or (len(one) > 2 and one[place + 1 :] == other[place + 1 :])",
         "return len(one) > 2 and one[place + 1 :] == other[place + 1 :]",

@@ -161,7 +161,7 @@ ROWS = (
     mistake(
         "ekso-log-mark-breaks-the-row",
         "escapes let through",
-        "handctl.record.row_source",
+        "handctl.record.csv_columns",
         "clean",
         'return " ".join("".join(c if c.isprintable() else " " for c in text).split())',
         "return text",
@@ -170,7 +170,7 @@ ROWS = (
     mistake(
         "ekso-log-quotes-not-doubled",
         "escapes let through",
-        "handctl.record.row_source",
+        "handctl.record.csv_columns",
         "quoted",
         """return '"' + text.replace('"', '""') + '"' if any(c in text for c in ',"\\r\\n') else text""",
         """return '"' + text + '"' if any(c in text for c in ',"\\r\\n') else text""",

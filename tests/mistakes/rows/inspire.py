@@ -542,8 +542,8 @@ ROWS = (
         "question skipped",
         "handctl.devices.inspire.register_map",
         "",
-        '_GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown", "acts": MOVES}',
-        '_GO: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown"}',
+        'MOVING: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown", "acts": MOVES}',
+        'MOVING: dict[str, Any] = {"access": "rw", "kind": COMMAND, "persistent": "unknown"}',
         "tests/contract/test_truth.py::test_what_is_not_marked_moves_nothing",
     ),
     mistake(

@@ -2,7 +2,7 @@
 
 from tests.mistakes.table import mistake
 
-LISTEN, TERMINAL = "handctl.tools.listen_command", "handctl.tools.terminal_command"
+LISTEN, TERMINAL = "handctl.tools.listen", "handctl.tools.terminal"
 SENDS = "tests/tools/test_listen.py::test_not_a_byte_leaves"
 ASKED = "tests/tools/test_terminal.py::test_what_may_write_is_asked_for"
 

@@ -16,15 +16,16 @@ from handctl.command.options import suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation
-from handctl.devices.aidin.exchange_settings import TCP_PORT, exchange_settings_of
+from handctl.devices.aidin.exchange_settings import exchange_settings_of
 from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.errors import Hint, UsageError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
 from handctl.model.result import Journal
-from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
+from handctl.system.watchdog_process import HEARTBEAT_TIMEOUT
 
 RECOMMENDED = 700
 CAP = 300.0
@@ -39,8 +40,8 @@ def open_aidin(link: ByteLink, settings: Settings, journal: Journal) -> AidinHan
 
 cli = Group(
     "aidin",
-    family=Family("aidin", open_aidin, tcp_port=TCP_PORT, check=exchange_settings_of),
-    help=f"Check and move an AIDIN-hand over TCP (-p tcp://HOST, default port {TCP_PORT}).",
+    family=Family("aidin", open_aidin, tcp_port=FAMILIES["aidin"].tcp_port, check=exchange_settings_of),
+    help=f"Check and move an AIDIN-hand over TCP (-p tcp://HOST, default port {FAMILIES['aidin'].tcp_port}).",
 )
 add_map_verbs(
     cli,

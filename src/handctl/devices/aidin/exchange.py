@@ -12,11 +12,11 @@ from collections.abc import Callable
 from typing import Any
 
 from handctl.devices.aidin import exchange_settings as table
-from handctl.devices.aidin.exchange_settings import FIND_OUT, ExchangeMode, ExchangeSettings
+from handctl.devices.aidin.exchange_settings import FIND_OUT, PERIOD, ExchangeMode, ExchangeSettings
 from handctl.devices.aidin.json_codec import RECORD_BYTES, Decoder, MalformedObject, WrongNumbers, numbers
 from handctl.devices.aidin.parameter_map import FEEDBACK, AidinParam
-from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import OTHER_FORM, Gate, Line
 from handctl.model.device_clock import Moment
@@ -575,7 +575,7 @@ class Conversation(Line):
         silent = f"{unasked} and does not reply" if self.way.exchange is ExchangeMode.UNKNOWN else "does not reply"
         return NoAnswer(
             f"{name}: connected, but the hand {silent} {poll}",
-            hint=f"check the port ({table.TCP_PORT}), and that no other client is connected. If the hand works differently, try --exchange stream|poll, --poll-json TEXT or --tx-terminator nul|none. If it only replies to commands, use --exchange command. `stop` is always sent",
+            hint=f"check the port ({FAMILIES['aidin'].tcp_port}), and that no other client is connected. If the hand works differently, try --exchange stream|poll, --poll-json TEXT or --tx-terminator nul|none. If it only replies to commands, use --exchange command. `stop` is always sent",
         )
 
     def _closed(self, exc: LinkError) -> HandctlError:
@@ -610,7 +610,7 @@ class Conversation(Line):
                 code=OTHER_FORM,
                 came=seen,
             )
-        hint = f"check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port {table.TCP_PORT}"
+        hint = f"check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port {FAMILIES['aidin'].tcp_port}"
         if whole:
             hint = f"this JSON object has no key from the manual: it may be a report from the hand itself. Otherwise {hint}"
         text = f"{name}: no {more}feedback from the hand, but {hex_bytes(seen)} ({shown}){f': {why}' if why else ''}"

@@ -17,8 +17,8 @@ from handctl.wording import plural
 if TYPE_CHECKING:
     from handctl.model.command_settings import Settings
 
-TCP_PORT = 8000
-"""Of the hand's server."""
+PERIOD = 0.02
+"""Seconds between two objects that are sent."""
 DEEPEST = 8
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
 

@@ -22,10 +22,11 @@ from handctl.devices.aidin.device import (
     stopped_on_error,
 )
 from handctl.devices.aidin.exchange import Feedback, Wire
-from handctl.devices.aidin.exchange_settings import TCP_PORT, ExchangeMode
+from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
+from handctl.families import FAMILIES
 from handctl.model.param import Number, elements_of
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -353,7 +354,7 @@ def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
         if MOTOR_POS.key not in conversation.feedback.seen:
             raise NoAnswer(
                 f"{hand.link.name}: homing was sent for {HOLD:g} s, but the hand does not reply, so homing is not confirmed",
-                hint=f"check the address and the port ({TCP_PORT}), and that no other client is connected to the hand",
+                hint=f"check the address and the port ({FAMILIES['aidin'].tcp_port}), and that no other client is connected to the hand",
             )
         found = conversation.feedback.result(MOTOR_POS.key)
     return tuple(int(number) for number in conversation.usable(MOTOR_POS, found))
@@ -546,7 +547,7 @@ def max_torque(hand: AidinHand, value: int) -> Table:
     if blind and not hand.conversation.feedback.seen:
         raise NoAnswer(
             f"{hand.link.name}: maxtorque {value} was sent, but the hand does not reply",
-            hint=f"check the address and the port ({TCP_PORT}), and that no other client is connected to the hand",
+            hint=f"check the address and the port ({FAMILIES['aidin'].tcp_port}), and that no other client is connected to the hand",
         )
     hand.journal.info(
         "not-read-back", "The maximum torque was sent. The hand does not report it, so it cannot be read back"

@@ -1,6 +1,7 @@
 """What the manual page says beside the commands (see `docgen.man_sections`). Data only."""
 
-from handctl.devices.aidin.exchange_settings import TCP_PORT, section
+from handctl.devices.aidin.exchange_settings import section
+from handctl.families import FAMILIES
 
 EXCEPTIONS = (
     ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand does not store settings."),
@@ -20,7 +21,10 @@ DRY = (
     "max-torque 300",
 )
 EXAMPLES = (
-    ("handctl aidin status -p tcp://192.168.0.20", f"Show a health summary. The TCP port is {TCP_PORT} unless given."),
+    (
+        "handctl aidin status -p tcp://192.168.0.20",
+        f"Show a health summary. The TCP port is {FAMILIES['aidin'].tcp_port} unless given.",
+    ),
     ("handctl aidin status --fake --json", "Use the simulated hand, for a script."),
     ("handctl aidin get joint_pos --fake", "Read the angles of all joints."),
     ("handctl aidin get sensor_state.fz -p tcp://192.168.0.20", "Read one force of the fingertip sensors."),

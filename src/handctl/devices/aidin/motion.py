@@ -28,9 +28,9 @@ from handctl.devices.aidin.device import (
     stopped_on_error,
 )
 from handctl.devices.aidin.exchange import Feedback, Wire, values_of
+from handctl.devices.aidin.exchange_settings import PERIOD
 from handctl.devices.aidin.homing_and_bias import MAX_TORQUE_SECONDS, check_homed, connect_or_command, named
 from handctl.devices.aidin.parameter_map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
-from handctl.devices.aidin.stopper import PERIOD
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, UsageError
 from handctl.model import movement
 from handctl.model.movement import (
@@ -48,7 +48,8 @@ from handctl.model.movement import (
 from handctl.model.param import Number, Step, elements_of, given
 from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
-from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT, Stopped
+from handctl.model.stop_sequence import Stopped
+from handctl.system.watchdog_process import HEARTBEAT_TIMEOUT
 
 SLACK = 0.01
 """Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import suppress
 
+from handctl.devices.aidin.exchange_settings import PERIOD
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, encode, numbers
 from handctl.devices.aidin.parameter_map import AIDIN, Mode
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
@@ -15,7 +16,6 @@ from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
 
-PERIOD = 0.02
 TIMES = 3
 CONFIRM = 60
 """Periods in which the currents may vanish, 1.2 s: also a slow stream has spoken by then."""

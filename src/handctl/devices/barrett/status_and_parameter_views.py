@@ -11,7 +11,6 @@ from typing import Any
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, split_status
-from handctl.devices.barrett.maintenance.health_limits import LIMIT, LIMIT_TENTHS, SET_LIMIT
 from handctl.devices.barrett.parameter_map import (
     BARRETT,
     POSITIONS,
@@ -51,6 +50,8 @@ def meaning(param: GclParam, value: Number, index: int) -> str | None:
 
 def heat_hint(now: int, limit: int) -> str:
     """What to do about 8192, from TEMP and OTEMP in 0.1 °C: cool it, or mend the setting."""
+    from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, SET_LIMIT
+
     if 0 < limit < SENSIBLE_LIMIT:
         meant = f". {limit} °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
         return Hint(
@@ -85,6 +86,8 @@ def audit(rows: Sequence[Row]) -> list[str]:
 
 def unhealthy(rows: Sequence[Row]) -> list[Finding]:
     """Findings: a code of several motors is one."""
+    from handctl.devices.barrett.maintenance.health_limits import LIMIT, LIMIT_TENTHS
+
     found: list[Finding] = []
     at = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
     for status in dict.fromkeys(at.get(("S", motor)) for motor in MOTORS):

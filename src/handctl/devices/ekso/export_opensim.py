@@ -25,8 +25,8 @@ from handctl.devices.ekso.recording_source import NAMED, column_of, to_si
 from handctl.errors import UsageError
 from handctl.files import Spool
 from handctl.record.clock_survey import survey
+from handctl.record.csv_columns import MARK, clean, quoted
 from handctl.record.log_reader import Known, Span, forget
-from handctl.record.row_source import MARK, clean, quoted
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
 

@@ -8,6 +8,7 @@ from handctl.devices.ekso.parameter_map import DATA, Word, boot_ms, state_text
 from handctl.devices.ekso.recording_source import LEAD, NAMED, RowLayout, parse
 from handctl.files import opened
 from handctl.record import log_reader
+from handctl.record.csv_columns import MARK
 from handctl.record.log_reader import (
     LONGEST_LINE,
     Block,
@@ -22,7 +23,6 @@ from handctl.record.log_reader import (
     parse_fixed,
     too_long,
 )
-from handctl.record.row_source import MARK
 
 CHUNK = 1 << 17
 """Bytes that are read at once."""

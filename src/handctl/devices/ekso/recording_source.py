@@ -16,8 +16,9 @@ from handctl.devices.ekso.device import Ekso
 from handctl.devices.ekso.frames import Command
 from handctl.devices.ekso.parameter_map import DATA, FEEDBACK, SETTINGS, Word, boot_ms, state_text
 from handctl.errors import NoAnswer, ProtocolError
+from handctl.record.csv_columns import MARK, Layout, Stamp, lead, quoted
 from handctl.record.log_reader import parse_fixed
-from handctl.record.row_source import MARK, Layout, Sample, Source, Stamp, lead, quoted
+from handctl.record.row_source import Sample, Source
 from handctl.record.timeline import BOOT_WRAP, Place
 
 PERSONAL = "pilot_id"

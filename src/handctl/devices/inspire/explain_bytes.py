@@ -21,7 +21,7 @@ from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
 from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, pdu_of
-from handctl.devices.inspire.register_map import EXO, FINGERS, WRIST, Register
+from handctl.devices.inspire.register_map import Register
 from handctl.fast_classes import replace
 from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
 from handctl.model.param import Element, Number, ParamMap, elements_of
@@ -302,7 +302,7 @@ class InspireExplainer(Cutter):
 
     def __init__(self, params: ParamMap[Register], known: Sequence[Generation] = ()) -> None:
         super().__init__()
-        self._modbus = params.kind == "hand"
+        self._modbus, self.is_exo, self.is_wrist = (params.kind == kind for kind in ("hand", "exo", "wrist"))
         own = Generation((), "", params, next(iter(params)).per, lambda _: "")
         self._generations = Generations(known or [own])
         self._known: dict[tuple[str, bytes], ExplainedBytes] = {}
@@ -380,17 +380,17 @@ class InspireExplainer(Cutter):
             return [_annotated(piece, CAN_MISPRINTS.get((can_id, data)))]
         host, device = (data.find(header) if header in data else len(data) for header in (eb90.HOST, eb90.DEVICE))
         self._guess = DEVICE if device < host else HOST
-        misprints = MISPRINTS if self.params is WRIST else {}
+        misprints = MISPRINTS if self.is_wrist else {}
         return [_annotated(piece, misprints.get(piece.raw)) for piece in super().decode(data, side)]
 
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """See Explainer. An EB 90 frame with flag 11 or 12 is an exoskeleton hand's as well: that family comes first."""
         if can_id is not None:
-            return self.params is WRIST
+            return self.is_wrist
         if self._modbus:
             return modbus_frames.mode_of(data) != ""
         header = data[:2] in (eb90.HOST, eb90.DEVICE)
-        return header and (data[4:5] in (b"\x30", b"\x31") and len(data) != 16) == (self.params is WRIST)
+        return header and (data[4:5] in (b"\x30", b"\x31") and len(data) != 16) == self.is_wrist
 
     def cut(self, buffer: bytearray, side: str, *, final: bool) -> Cut:
         if not self._modbus:
@@ -450,11 +450,11 @@ class InspireExplainer(Cutter):
 
     def _space(self, wrist: bool) -> ParamMap[Register] | None:
         """The map behind a flag; None where this family member has no names."""
-        return self.params if wrist == (self.params is WRIST) else None
+        return self.params if wrist == self.is_wrist else None
 
     def _values(self, space: ParamMap[Register] | None, address: int, data: bytes) -> tuple[Value, ...]:
         """What the bytes at an address hold; of the hand behind a wrist each byte, because nothing says which belong together."""
-        if space is None and self.params is WRIST:
+        if space is None and self.is_wrist:
             return tuple(Value(f"{OF_HAND}{at}", byte) for at, byte in enumerate(data, address))
         return span_values(space, address, data)
 
@@ -532,17 +532,13 @@ class InspireExplainer(Cutter):
 
     def _is_result(self, frame: Frame) -> bool:
         """Of a frame that could be an acknowledgement too: only behind one, which is `_accepted`."""
-        return (
-            self.params is not WRIST
-            and frame.address == self.places["save"] == self._started
-            and frame.data[0] in RESULTS
-        )
+        return not self.is_wrist and frame.address == self.places["save"] == self._started and frame.data[0] in RESULTS
 
     def _late(
         self, frame: Frame, words: str, values: Sequence[Value], key: str
     ) -> tuple[str, str, str, str, Sequence[Value]]:
         """A read or its answer; or the frame that tells the end of a save or a calibration, which nobody asks for."""
-        if not frame.from_device or self.params is WRIST or len(frame.data) != 1:
+        if not frame.from_device or self.is_wrist or len(frame.data) != 1:
             return words, "", key, "", values
         if self._is_result(frame):
             self._started = 0
@@ -554,7 +550,7 @@ class InspireExplainer(Cutter):
         return words, "", key, "", values
 
     def _commands(self, frame: Frame) -> bool:
-        return self.params is EXO and frame.flag in eb90.COMMANDS and frame.address is None
+        return self.is_exo and frame.flag in eb90.COMMANDS and frame.address is None
 
     def _words(self, frame: Frame) -> tuple[str, Sequence[Value]]:
         """A frame in words, and its values."""
@@ -565,7 +561,7 @@ class InspireExplainer(Cutter):
             return f"flag {frame.flag:02X}, which is not in the manual, {where}", ()
         address = int.from_bytes(frame.payload[:2], "little")
         space = self._space(frame.flag in (WRIST_READ, WRIST_WRITE))
-        other = " of the hand's own registers" if self.params is WRIST else " of another register space"
+        other = " of the hand's own registers" if self.is_wrist else " of another register space"
         other = "" if space is not None else other
         if reads and not frame.from_device and len(data) == 1:
             return f"{self._asks(space, address, data[0])}{other}, {where}", ()
@@ -585,16 +581,15 @@ class InspireExplainer(Cutter):
         numbers = eb90.unpack_s16(frame.payload)
         kind = eb90.COMMANDS[frame.flag]
         name = f"{kind}_set" if not frame.from_device else ("position_actual" if kind == "force" else "force_actual")
-        parts = EXO[name].elements
+        parts = self.params[name].elements
         values = tuple(Value(f"{name}.{part}", number) for part, number in zip(parts, numbers, strict=False))
         text = " ".join(map(str, numbers))
-        order = f"{FINGERS[0]} to {FINGERS[-1]}"
         if len(frame.payload) != 2 * len(parts):
             came = f"{plural(len(frame.payload), 'byte')}, {2 * len(parts)} expected"
             return f"{kind} command with {came}: {text}, id {frame.id}", values
         if frame.from_device:
             return f"{kind} command taken: {name} = {text}, id {frame.id}", values
-        return f"{kind} command, {order}: {text}, id {frame.id}", values
+        return f"{kind} command, {parts[0]} to {parts[-1]}: {text}, id {frame.id}", values
 
     def _parts(self, raw: bytes) -> tuple[Part, ...]:
         body = len(raw) - eb90.OVERHEAD
@@ -914,14 +909,14 @@ class InspireWriteRules:
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""
-        params, wrist = self._shown.params, self._shown.params is WRIST
+        params, wrist = self._shown.params, self._shown.is_wrist
         if can_id is not None:
             access = can_frames.parse_identifier(can_id)
             return self._read(access.address, len(data), of_hand=wrist and access.flag == can_frames.WRITE_HAND)
         if mode := mode_of(data):
             return self._read(int.from_bytes(pdu_of(data, mode)[1:3], "big"), 2)
         flag = data[4] if len(data) > 4 else 0
-        if params is EXO and flag in eb90.COMMANDS:
+        if self._shown.is_exo and flag in eb90.COMMANDS:
             return f"`handctl exo get {eb90.COMMANDS[flag]}_set position_actual`"
         if flag not in (eb90.WRITE, eb90.WRIST_WRITE) or len(data) <= SHORTEST + 1:
             return f"`handctl {params.kind} dump`"

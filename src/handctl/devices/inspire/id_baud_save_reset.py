@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.duplicate_id import identify_alone, naming_duplicate_id
-from handctl.devices.inspire.register_bus import FLOOD, POWER_OFF, RegisterBus
+from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
 from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
@@ -271,27 +271,6 @@ def wait_for_speed(hand: RegisterDevice, rate: int, prompts: Prompts, *, seconds
         hand.bus.pause(0.2)
     prompts.done()
     return False
-
-
-# -- calibration --------------------------------------------------------------------------------------------------
-
-
-def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, more: str = "") -> eb90.Frame | None:
-    """Wait for the frame that reports the end, or for the usual time without one. Sends nothing."""
-    started = bus.link.now()
-    end = started + seconds
-    try:
-        while bus.link.now() < end and not bus.over:
-            elapsed = bus.link.now() - started
-            prompts.progress(f"calibrating {elapsed:4.1f} s of at most {seconds:.0f} s{more}", POWER_OFF)
-            step = min(0.25, end - bus.link.now())
-            if not bus.reports:
-                bus.pause(step)
-            elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, eb90.CALIBRATION_END, 1)], step)) is not None:
-                return frame
-    finally:
-        prompts.done()
-    return None
 
 
 # -- what is kept -----------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
 
-from handctl.devices.inspire import eb90, modbus_frames
+from handctl.devices.inspire import eb90
 from handctl.devices.inspire.register_bus import READS, RegisterBus, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.fast_classes import NamedTuple
@@ -31,9 +31,17 @@ LEAST = 0.010
 
 DAMAGED = ("bad-checksum", "cut-short")
 """What a valid answer turns into on a disturbed line."""
-AT_WORK = frozenset(f"modbus-{code}" for code in modbus_frames.PASSING)
-"""Passes, and says nothing about who refuses."""
 AT_WORK_TIMES, AT_WORK_SECONDS = 4, 0.1
+
+
+def at_work(error: HandctlError) -> bool:
+    """Whether a refusal passes, and says nothing about who refuses."""
+    if not error.code.startswith("modbus-"):
+        return False
+    from handctl.devices.inspire.modbus_frames import PASSING
+
+    return error.code in {f"modbus-{code}" for code in PASSING}
+
 
 # -- what shows whom ----------------------------------------------------------------------------------------------
 
@@ -292,13 +300,13 @@ class IdentityCheck:
                     data = bus.read(*span, retries=retries)
                     break
                 except DeviceRefused as exc:
-                    if exc.code not in AT_WORK or not left:
+                    if not at_work(exc) or not left:
                         raise
                     bus.pause(AT_WORK_SECONDS)
             if first and bus.link.now() - started > bus.timeout:
                 self._confirm(bus)
         except (NoAnswer, ProtocolError, DeviceRefused) as exc:
-            if exc.code == "late" or exc.code in AT_WORK or self._bus.over:
+            if exc.code == "late" or at_work(exc) or self._bus.over:
                 raise  # --deadline has passed: nothing that was not answered shows anything
             if first:
                 self._failure = exc

@@ -15,9 +15,10 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from handctl.devices.inspire import modbus_frames
-from handctl.devices.inspire.modbus_frames import TCP_PORT, Answer, RtuDecoder, TcpDecoder
+from handctl.devices.inspire.modbus_frames import Answer, RtuDecoder, TcpDecoder
 from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
@@ -450,4 +451,6 @@ HINTS = {
     "cut-short": "check the cable, the ground and the baud rate, and that only one hand has this id",
     "wrong-id": "use --id with the id shown",
 }
-OTHER_SERVICE_HINT = f"check the address and the port: another service may reply there. The hand's port is {TCP_PORT}"
+OTHER_SERVICE_HINT = (
+    f"check the address and the port: another service may reply there. The hand's port is {FAMILIES['hand'].tcp_port}"
+)

@@ -22,6 +22,7 @@ from functools import cache
 
 from handctl.devices.inspire import eb90
 from handctl.errors import ProtocolError, UsageError
+from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.model.frame_decoder import Stream
 
@@ -30,8 +31,6 @@ FAILED = 0x80
 """Added to the function of a request in the answer that refuses it."""
 NO_PATH, NO_TARGET = 0x0A, 0x0B
 """A gateway says so: it has no way to the unit, or the unit is silent."""
-TCP_PORT = 6000
-"""Of a hand (rh56 §2.3)."""
 RTU_SPEED = 115200
 """bit/s: the only one at which a BarrettHand acts upon nothing of a question in Modbus RTU."""
 AT_WORK = (5, 6)
@@ -248,7 +247,7 @@ class TcpDecoder(Stream[Answer]):
             self.skipped += len(dropped)
             raise ProtocolError(
                 f"no Modbus header: {dropped[:MBAP].hex(' ').upper()}",
-                hint=f"check the port: another service may reply there. The hand's is {TCP_PORT}",
+                hint=f"check the port: another service may reply there. The hand's is {FAMILIES['hand'].tcp_port}",
                 code="garbage",
             )
         if len(buffer) < length + 6:

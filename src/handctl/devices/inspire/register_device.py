@@ -15,7 +15,7 @@ from typing import TypeVar
 
 from handctl.devices.inspire.duplicate_id import refuse_duplicate_id
 from handctl.devices.inspire.eb90 import MAX_COUNT
-from handctl.devices.inspire.identity import AT_WORK, within
+from handctl.devices.inspire.identity import at_work, within
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span, may_still_move
 from handctl.devices.inspire.register_map import BAUD_RATES, Register, register_of
 from handctl.errors import (
@@ -202,7 +202,7 @@ class BlockReader:
         bus = self._bus
         if bus.wire == "can" and whole == 1:
             return False  # two bytes are asked for there, and the other one need not exist
-        if isinstance(failed, DeviceRefused) and failed.code not in AT_WORK:
+        if isinstance(failed, DeviceRefused) and not at_work(failed):
             return True
         if bus.wire == "can" and self._absent:
             self.in_doubt = True

@@ -16,7 +16,15 @@ from typing import NamedTuple
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.duplicate_id import Row4, same_id
-from handctl.devices.inspire.id_and_baud_search import CanSearch, Findings, Requester, RtuSearch, Scanner, ScanRequest
+from handctl.devices.inspire.id_and_baud_search import (
+    SCAN_BAUD_RATES,
+    CanSearch,
+    Findings,
+    Requester,
+    RtuSearch,
+    Scanner,
+    ScanRequest,
+)
 from handctl.devices.inspire.identity import EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
@@ -32,8 +40,6 @@ from handctl.model.result import Journal, Row
 from handctl.model.scan_task import ScanTask
 from handctl.wording import plural
 
-SCAN_BAUD_RATES = (115200, 57600, 19200)
-"""exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
 MOST_CAN_IDS = 4096
 """Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
 WHO = tuple[Kind, "str | None", str]

@@ -18,8 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
 from handctl.record.clock_survey import BREAK, GAP
+from handctl.record.csv_columns import clean
 from handctl.record.exports import name_of
-from handctl.record.row_source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export

@@ -13,8 +13,8 @@ from typing import IO, TYPE_CHECKING
 from xml.sax.saxutils import escape
 
 from handctl.files import atomic_write
+from handctl.record.csv_columns import clean
 from handctl.record.exports import name_of
-from handctl.record.row_source import clean
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export

@@ -1,6 +1,6 @@
 """A simulated BarrettHand BH8: the supervisory line, its echo and prompt, ^C, speed, power (barrett §3.6, §5.1, §5.2.4).
 
-GCL is in gcl.py, RealTime mode in loop.py, the boot monitor in monitor.py; what they see of this is in board.py.
+GCL is in gcl.py, RealTime mode in realtime_loop.py, the boot monitor in boot_monitor.py; what they see of this is in shared_state.py.
 
 Written from the manual and from what is publicly known of the hand, by other means than the host. Where both are
 silent the behaviour is invented and the comment says so; nothing seen here is evidence about a real hand.

@@ -1,10 +1,10 @@
 """Several simulated devices, clients and other masters on one line, from a FILE: RS-232, RS-485 or a CAN bus.
 
-    file.py       the FILE (TOML): what may stand in it, one clear complaint for what may not; lines as they are met, by name
+    bus_file.py   the FILE (TOML): what may stand in it, one clear complaint for what may not; lines as they are met, by name
     wire_pair.py  a pair of wires: who drives it when, and what a UART makes of that at its own speed
-    line.py       the devices and masters on their wires; a client behind its adapter: latency, packets, a timer, the first byte
-    can.py        the same for frames on a CAN bus
-    rack.py       what both have in common: devices, masters, power, control
+    serial_bus.py the devices and masters on their wires; a client behind its adapter: latency, packets, a timer, the first byte
+    can_bus.py    the same for frames on a CAN bus
+    simulated_bus.py  what both have in common: devices, masters, power, control
 
 No protocol is known here, and no device: those are the other folders beside this one.
 """

@@ -128,7 +128,7 @@ def _hex(digits: str) -> int:
 
 
 def use(device: Device) -> Iterator[float]:
-    """Who sits stands up first; the gait, its times and the way to stand up are those of body.py."""
+    """Who sits stands up first; the gait, its times and the way to stand up are those of mechanics.py."""
     body = device.body
     device.thaw()
     while True:

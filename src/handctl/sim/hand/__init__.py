@@ -2,10 +2,10 @@
 
 register_maps.py  the registers of each generation: addresses, sizes, ranges, what a hand shows at power-on
 fingers.py        fingers: they move, meet objects, stall and get warm
-model.py          one hand: memory, flash, triggers, a count of what it was made to do, skin; what its wires
+registers.py      one hand: memory, flash, triggers, a count of what it was made to do, skin; what its wires
                   have in common, and what it can be told at its start
 device.py         its wires: EB90 and Modbus RTU, CAN, Modbus TCP, and what a request of Modbus does
-control.py        control commands, state file, use
+control_commands.py  control commands, state file, use
 """
 
 SUMMARY = "RH56 dexterous hand: generations df, tp, f1 and dg2 (serial, CAN, Modbus)."

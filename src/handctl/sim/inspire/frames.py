@@ -215,7 +215,7 @@ class Can(Asked):
              flag     |   address    |   hand id
 
     The reply carries the identifier of its request. A message is passed as its identifier in 4 bytes, high byte first, and
-    then the data (engine/can.py).
+    then the data (engine/can_line.py).
     """
 
     SPEEDS = (1000000, 500000)  # by speed code

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from handctl.wording import near
+from handctl.misspellings import near
 
 Steps = tuple[tuple[str, str], ...]
 

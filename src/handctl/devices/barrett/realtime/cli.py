@@ -14,19 +14,18 @@ from handctl.command.options import mark_options, streaming, suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.parameter_map import BARRETT, TRAVEL
+from handctl.devices.barrett.realtime.guards import GUARDS
 from handctl.devices.barrett.status_and_parameter_views import DOUBT, MOTOR, NAME, UNIT, VALUE
 from handctl.errors import UsageError
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
-from handctl.model.stop_sequence import HEARTBEAT_TIMEOUT
+from handctl.system.watchdog_process import HEARTBEAT_TIMEOUT
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.device import BarrettHand
     from handctl.devices.barrett.realtime.loop import RealtimeLoop
 
 COLUMNS = (NAME, MOTOR, VALUE, UNIT, Column("guard", "Guard"), DOUBT)
-GUARDS = ("stall", "window", "strain", "opening", "heat")
-"""Names of `guards.GUARDS`, here so that help needs no more: a test holds them together."""
 
 
 def add_realtime(group: Group) -> None:

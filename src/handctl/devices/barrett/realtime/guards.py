@@ -8,12 +8,15 @@ A guard that trips has velocity 0 sent for its motor from the next block on, unt
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import NamedTuple
+from typing import TYPE_CHECKING
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.parameter_map import OFF, TRAVEL, implausible, unmeasured
-from handctl.devices.barrett.realtime.blocks import Values
 from handctl.errors import UsageError
+from handctl.fast_classes import NamedTuple
+
+if TYPE_CHECKING:
+    from handctl.devices.barrett.realtime.blocks import Values
 
 GUARDS = {
     "stall": "velocity 0 for a motor that has not moved for TSTOP",

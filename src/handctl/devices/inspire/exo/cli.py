@@ -15,7 +15,8 @@ from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.exo import device
 from handctl.devices.inspire.exo.device import ExoHand, parse_command
-from handctl.devices.inspire.register_map import BAUD_RATES, EXO, address_in
+from handctl.devices.inspire.exo.register_map import EXO
+from handctl.devices.inspire.register_map import BAUD_RATES, address_in
 from handctl.errors import Hint, UsageError
 from handctl.model.result import Table
 
@@ -74,10 +75,11 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedActio
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these bytes and show the decoded reply. Everything except a read asks first."""
     from handctl.devices.inspire import raw as by_number
+    from handctl.devices.inspire.exo import raw as exo_raw
 
     frame = by_number.parse_hex(" ".join(data))
-    step = by_number.plan_raw(frame, force_ambiguous)
-    return verbs.send_raw(step, by_number.WORN, lambda hand: by_number.exchange(hand, frame, wait))
+    step = exo_raw.plan_raw(frame, force_ambiguous)
+    return verbs.send_raw(step, exo_raw.WORN, lambda hand: by_number.exchange(hand, frame, wait))
 
 
 # -- what it keeps ------------------------------------------------------------------------------------------------
@@ -152,10 +154,12 @@ def calibrate(run: Run) -> PlannedAction:
     Ctrl-C does not stop the hand. To stop it, switch its power off.
     Someone has to wear the hand, and it moves the wearer's fingers.
     """
+    from handctl.devices.inspire.exo import calibration
+
     steps = [run.planner().trigger_step("calibrate", "calibrate")]
     if not run.settings.dry_run:
-        device.say_calibration_steps(run.prompts)
-    return PlannedAction(steps, lambda hand: device.calibrate(hand, run.prompts), device.CALIBRATION_QUESTION)
+        calibration.say_steps(run.prompts)
+    return PlannedAction(steps, lambda hand: calibration.calibrate(hand, run.prompts), calibration.QUESTION)
 
 
 @cli.verb("force", "Move", writes=True, asks=True)

@@ -1,7 +1,7 @@
 """What recorded bytes of the EH55BF1 mean, and which of them write."""
 
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.explain_bytes import InspireExplainer, InspireWriteRules
-from handctl.devices.inspire.register_map import EXO
 
 
 def explainer() -> InspireExplainer:

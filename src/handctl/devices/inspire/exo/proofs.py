@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import proofs
-from handctl.devices.inspire.exo import device
+from handctl.devices.inspire.exo import calibration
+from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 
 
-def _calibrate(hand: device.ExoHand, prompts: Prompts) -> Table:
-    device.say_calibration_steps(prompts)
-    return device.calibrate(hand, prompts)
+def _calibrate(hand: ExoHand, prompts: Prompts) -> Table:
+    calibration.say_steps(prompts)
+    return calibration.calibrate(hand, prompts)
 
 
 PROOFS = (

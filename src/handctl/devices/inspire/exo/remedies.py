@@ -1,6 +1,6 @@
 """What an EH55BF1's error bits and readings mean, and what to do. The bits: exo §2.3.12; what clears them: exo §2.3.3."""
 
-from handctl.devices.inspire.register_map import FINGERS
+from handctl.devices.inspire.exo.register_map import FINGERS
 from handctl.errors import Hint
 from handctl.model.device_picture import UNKNOWN, Measure, Outline, Remedy, hand
 

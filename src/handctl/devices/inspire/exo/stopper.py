@@ -7,7 +7,8 @@ is always from a place just read. The same bytes would be a write to a wrist: on
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.register_map import ALONE, EXO
+from handctl.devices.inspire.exo.register_map import EXO
+from handctl.devices.inspire.register_map import ALONE
 from handctl.devices.inspire.stop_requests import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.hand.generations import DF, MODELS, TP
 from handctl.devices.inspire.hand.register_map import IP_ADDRESS
-from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
+from handctl.families import FAMILIES
 from handctl.model.param import Element, Number, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table, hex_bytes
@@ -121,7 +121,7 @@ def show_network(hand: Hand) -> Table:
     table = hand.table(hand.read(elements_of(hand.map[IP_ADDRESS])))
     hand.journal.info(
         "network",
-        f"the hand has {'.'.join(map(str, address))}, port {TCP_PORT} (Modbus TCP)",
+        f"the hand has {'.'.join(map(str, address))}, port {FAMILIES['hand'].tcp_port} (Modbus TCP)",
         hint=f"give this computer an address such as {laptop_for(address)}, mask 255.255.255.0",
     )
     return table

@@ -34,10 +34,10 @@ from handctl.devices.inspire.hand.model_and_protocol import (
     typed_model,
 )
 from handctl.devices.inspire.hand.register_map import BYTE_MAP, HAND_BAUD_RATES
-from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import POWER_OFF, RegisterBus
 from handctl.devices.inspire.register_map import ALONE, address_in
 from handctl.errors import Hint, UsageError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink, FrameLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
@@ -87,7 +87,7 @@ cli = Group(
         115200,
         verbs.explain_silence,
         wires=("serial", "can", "modbus-tcp"),
-        tcp_port=TCP_PORT,
+        tcp_port=FAMILIES["hand"].tcp_port,
         ids=True,
         check=check_model_and_port,
         map_of=map_of,
@@ -201,7 +201,7 @@ def calibrate(run: Run) -> PlannedAction:
     Ctrl-C does not stop the hand. To stop it, switch its power off.
     The hand must be open and empty, with nothing touching it.
     """
-    from handctl.devices.inspire.hand import motion
+    from handctl.devices.inspire.hand import calibration, motion
 
     def steps(hand: Hand) -> list[Step]:
         return [hand.trigger_step("calibrate_force", "calibrate the force sensors")]
@@ -211,7 +211,9 @@ def calibrate(run: Run) -> PlannedAction:
         return Asked(question, steps(hand))
 
     question = f"{POWER_OFF} The whole hand opens and closes. It must be open and empty"
-    return PlannedAction(steps(run.planner()), lambda hand: motion.calibrate(hand, run.prompts), question, look=look)
+    return PlannedAction(
+        steps(run.planner()), lambda hand: calibration.calibrate(hand, run.prompts), question, look=look
+    )
 
 
 for takes_numbers in (angle, position, force, speed):
@@ -501,7 +503,8 @@ def _links(run: Run, links: Sequence[str]) -> tuple[str, str | None]:
 
 def _check_names(names: dict[str, str], force: bool) -> None:
     """Whether these names can be given, before anything moves. Raises UsageError."""
-    from handctl.command.config import NAME_HELP, is_name, read_config
+    from handctl.command.config import read_config
+    from handctl.command.device_names import NAME_HELP, is_name
 
     for name in names.values():
         if not is_name(name):

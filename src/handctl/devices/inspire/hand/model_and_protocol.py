@@ -6,8 +6,9 @@ from typing import Any
 
 from handctl.devices.inspire.hand.generations import MODELS, model_of
 from handctl.devices.inspire.hand.register_map import BYTE_MAP, MAPS
-from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, TCP_PORT, mode_of
+from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, mode_of
 from handctl.errors import UsageError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink
 from handctl.model.command_settings import Settings
 from handctl.model.param import ParamMap
@@ -41,9 +42,9 @@ def check_model_and_port(settings: Settings) -> None:
     if not link.startswith("tcp://") or settings.own.get("protocol") == "modbus":
         return
     host, colon, port = link.removeprefix("tcp://").rstrip("/").rpartition(":")
-    if colon and number_in(port) not in (None, TCP_PORT) and host not in HERE:
+    if colon and number_in(port) not in (None, FAMILIES["hand"].tcp_port) and host not in HERE:
         raise UsageError(
-            f"{link}: a hand uses Modbus TCP port {TCP_PORT}. Another port may lead to a serial line",
+            f"{link}: a hand uses Modbus TCP port {FAMILIES['hand'].tcp_port}. Another port may lead to a serial line",
             hint="add --protocol modbus if a hand replies there (for doctor, HANDCTL_PROTOCOL=modbus), or give socket://HOST:PORT for "
             "a serial line",
         )

@@ -24,12 +24,12 @@ from handctl.devices.inspire.hand.register_map import (
 )
 from handctl.devices.inspire.identity import BYTE_HAND, Kind
 from handctl.devices.inspire.modbus_bus import ModbusBus
-from handctl.devices.inspire.modbus_frames import TCP_PORT
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_map import DRAWN
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
 from handctl.devices.inspire.serial_bus import SILENCE_HINTS, SerialBus
 from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline, FrameLink
 from handctl.model.device_picture import hint_for
 from handctl.model.param import elements_of
@@ -291,10 +291,10 @@ def probe(
     timeout: float | None = None,
 ) -> list[Row]:  # fmt: skip
     """Rows with family, link, baud, id and evidence. Raises NoAnswer on silence, ProtocolError for other data."""
-    if link.name.startswith("tcp://") and not link.name.endswith(f":{TCP_PORT}"):
+    if link.name.startswith("tcp://") and not link.name.endswith(f":{FAMILIES['hand'].tcp_port}"):
         # Whoever listens elsewhere may pass the bytes on to a serial line, where another device would act on them.
         raise NoAnswer(
-            f"{link.name}: not tried, because a hand uses Modbus TCP on port {TCP_PORT}, and another port may lead to a serial line",
+            f"{link.name}: not tried, because a hand uses Modbus TCP on port {FAMILIES['hand'].tcp_port}, and another port may lead to a serial line",
             hint=Hint(
                 "if a hand uses Modbus TCP on this port, search for it alone: {}",
                 f"hand scan --protocol modbus -p {link.name}",

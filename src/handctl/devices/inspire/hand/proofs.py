@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from handctl.devices.inspire import proofs
-from handctl.devices.inspire.hand import motion
+from handctl.devices.inspire.hand import calibration, motion
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.modbus_bus import TEMPERATURES, ModbusBus
 from handctl.devices.inspire.modbus_frames import read_request
@@ -70,7 +70,7 @@ def _halves(hand: Hand) -> Observation:
 
 def _calibrate(hand: Hand, prompts: Prompts) -> Table:
     motion.fit_to_move(hand)
-    return motion.calibrate(hand, prompts)
+    return calibration.calibrate(hand, prompts)
 
 
 PROOFS = (

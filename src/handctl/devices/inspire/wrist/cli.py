@@ -15,9 +15,10 @@ from handctl.command.options import REPLY_WAIT
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
-from handctl.devices.inspire.register_map import BAUD_RATES, PITCH_RANGE, WRIST, YAW_RANGE, address_in
+from handctl.devices.inspire.register_map import BAUD_RATES, address_in
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.device import Wrist
+from handctl.devices.inspire.wrist.register_map import PITCH_RANGE, WRIST, YAW_RANGE
 from handctl.link import ByteLink, FrameLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of

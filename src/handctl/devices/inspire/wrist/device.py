@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from handctl.devices.inspire.register_device import Movement, RegisterDevice
-from handctl.devices.inspire.register_map import WRIST, pushes, register_of
+from handctl.devices.inspire.register_map import pushes, register_of
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import UsageError
 from handctl.link import CanFrame
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness

@@ -1,7 +1,7 @@
 """What recorded bytes of the wrist module and the hand behind it mean, on both wires, and which of them write."""
 
 from handctl.devices.inspire.explain_bytes import InspireExplainer, InspireWriteRules
-from handctl.devices.inspire.register_map import WRIST
+from handctl.devices.inspire.wrist.register_map import WRIST
 
 
 def explainer() -> InspireExplainer:

@@ -10,11 +10,12 @@ from itertools import pairwise
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus, related
 from handctl.devices.inspire.duplicate_id import identify_alone
+from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.explain_bytes import CAN_MISPRINTS, MISPRINTS, InspireExplainer
 from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, nameless, refused
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.register_map import EXO, WRIST
 from handctl.devices.inspire.serial_bus import SerialBus
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import Aftermath, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.explainer import DEVICE, HOST

@@ -7,7 +7,6 @@ goes before that no other device acts upon. Whatever else may answer, only a wri
 from __future__ import annotations
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.register_map import WRIST
 from handctl.devices.inspire.stop_requests import (
     CAN,
     EB90,
@@ -20,6 +19,7 @@ from handctl.devices.inspire.stop_requests import (
     lead,
     seen_since,
 )
+from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence

@@ -30,7 +30,7 @@ from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
 from handctl.system import terminal as keys
-from handctl.tools.listen_command import COLUMNS, line_of, received, row_of, width_of
+from handctl.tools.listen import COLUMNS, line_of, received, row_of, width_of
 from handctl.tools.trace import parse_given
 from handctl.tools.trace_reader import TranscriptReader, TranscriptRow, explainer_of
 from handctl.wording import sentence
