@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from handctl.command import snapshots
+from handctl.devices.barrett.device import BarrettHand
 from tests.barrett.commands import (
     MOTORS,
     POWER_ON,
@@ -285,6 +286,32 @@ def test_snapshot_diff_restore(tmp_path: Path) -> None:
     assert "EEPROM" in json.dumps(restored.json)
     assert do("diff", file, port=port).code == 0
     assert do("restore", file, "--yes", "--trace", trace, port=port).code == 0 and written_lines(trace) == []
+
+
+def test_a_snapshot_of_another_hand_is_called_that(tmp_path: Path) -> None:
+    """The serial number of an upgraded hand is 0 and tells nothing."""
+    file = tmp_path / "snap.json"
+    for theirs, told in ((1042, False), (312, True), (0, False)):
+        snapshots.write(str(file), snapshots.make("barrett", {"serial_number": theirs}, factory(), link="", fake=True))
+        for command in (("restore", file, "--yes"), ("diff", file)):
+            codes = [message["code"] for message in do(*command).json["messages"]]
+            assert ("other-device" in codes) is told, (theirs, command)
+
+
+def test_a_restart_within_a_restore_is_no_success(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Noticed while the last values were read back, which are right: those of before are the EEPROM's again."""
+    file, trace = tmp_path / "snap.json", tmp_path / "t.txt"
+    snapshots.write(str(file), snapshots.make("barrett", {}, factory() | STORED, link="", fake=True))
+    write = BarrettHand.write
+
+    def restarting(hand: BarrettHand, changes: Any) -> Any:
+        hand.journal.warn("restarted", "noticed by a read")
+        return write(hand, changes)
+
+    monkeypatch.setattr(BarrettHand, "write", restarting)
+    restored = do("restore", file, "--save", "--yes", "--trace", trace)
+    assert (restored.code, restored.error["code"]) == (5, "restarted")
+    assert "FSAVE" not in written_lines(trace)
 
 
 def test_restore_changes_the_speed_last(tmp_path: Path) -> None:

@@ -121,7 +121,7 @@ def test_nothing_is_sent_before_the_hand_has_spoken(tmp_path: Path) -> None:
         ("fault=strain-offset", "strain", "outside: F3"),
         ("fault=no-gauges", "strain", "no gauges"),
         ("fault=no-board", "init", "F2: No motor board found (1)"),
-        ("initialized=1&fault=blocked", "finger-speed", "F1 C: stalled short of the target at 0; F2 C: stalled short of the target at 0; F3 C: stalled short of the target at 0"),
+        ("initialized=1&fault=blocked", "finger-speed", "F1 C: did not move at 0; F2 C: did not move at 0; F3 C: did not move at 0"),
         ("firmware=4.34&fault=breakaway", "early-breakaway", "F3"),
         ("initialized=1&fault=blocked", "position-at-stop", "no-sign"),
         ("firmware=4.33", "early-breakaway", "not-present"),

@@ -328,11 +328,31 @@ OFF = {"HSG": 256, "LSG": 256, "MPE": 50, "S": 0, "SG": 120}
         # the status of the motor
         ("C", {"P": 5, "S": 4}, 17000, 4, "not initialized"), ("M", {"P": 5, "S": 8192}, 17000, 8192, "temperature"),
         ("C", {"P": 5, "S": 1}, 17000, 1, "No motor board"), ("C", {"P": 5, "S": 2}, 17000, 2, "No motor found"),
-        ("HI", {"P": 0, "S": 2}, 0, 2, "No motor found"),
+        ("HI", {"P": 0, "S": 2}, 0, 2, "No motor found"), ("HI", {"P": 9000}, 0, 0, "not 0 after HI"),
     ],
 )  # fmt: skip
 def test_how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, words: str) -> None:
     assert words in motion.how_it_ended(name, {**OFF, **now}, goal, status).words
+
+
+@each_row(
+    ("name", "now", "goal", "status", "start", "ended"),
+    [
+        ("C", 100, 17000, 0, 100, ("short", "did not move")), ("C", 150, 17000, 0, 100, ("short", "did not move")),
+        ("C", 151, 17000, 0, 100, ("contact", "stalled short of the target")),
+        ("O", 9000, 0, 0, 9000, ("short", "did not move")), ("O", 100, 0, 0, 9000, ("contact", "stalled short of the target")),
+        # M, HOME, IC and IO answer ERR 16 where a motor stalled: without it nothing shows that one did
+        ("M", 100, 5000, 0, 100, ("short", "did not move")),
+        ("M", 2000, 5000, 0, 100, ("short", "ended short of the target without ERR 16")),
+        ("M", 2000, 5000, 16, 100, ("contact", "stalled short of the target")),
+        ("M", 100, 5000, 16, 100, ("contact", "stalled short of the target")),
+        ("M", 100, 5000, 4, 100, ("blocked", "not initialized: did not move")), ("HI", 9000, 0, 0, None, ("short", "its position is not 0 after HI")),
+    ],
+)  # fmt: skip
+def test_only_what_moved_or_says_so_touched_something(
+    name: str, now: int, goal: int, status: int, start: int | None, ended: tuple[str, str]
+) -> None:
+    assert motion.how_it_ended(name, {**OFF, "P": now}, goal, status, start) == ended
 
 
 @pytest.mark.parametrize("name", ["HOME", "M", "HI", "O"])
@@ -389,7 +409,11 @@ def test_ctrl_c_on_a_hand_that_does_not_stop() -> None:
 
 def test_ctrl_c_and_silence() -> None:
     hand, link = scripted(
-        {"C": None, "T": None, "FGET CT OT MCV SAMPLE": "17000 17000 17000 3150|0 0 0 0|100 100 100 60|31 31 31 31"}
+        {
+            "C": None,
+            "T": None,
+            "FGET CT OT P MCV SAMPLE": "17000 17000 17000 3150|0 0 0 0|0 0 0 0|100 100 100 60|31 31 31 31",
+        }
     )
     link.on_abort = None
     link.interrupt_at = link.clock + 1.0

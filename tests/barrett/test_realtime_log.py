@@ -18,6 +18,16 @@ from tests.support.each_row import each_row
 HOLDS = ("--law", "velocity.F1 = clamp((9000 - P.F1)/20, -40, 40)", "--receive", "position")
 
 
+@pytest.mark.parametrize("velocity", ["13", "10", "72"])
+def test_a_control_block_is_no_command(velocity: str) -> None:
+    """``43 0D`` is velocity 13 in RealTime, and would close the hand at the prompt."""
+    link = "fake://barrett?clock=virtual&initialized=1"
+    done = run("barrett", "realtime", "--motors", "1", "--velocity", velocity, "--count", "2", "--json", "-p", link)
+    assert done.code == 0, done
+    meanings = [step["meaning"] for step in done.stream[1]["writes"] if step["bytes"].startswith("43 ")]
+    assert meanings == ["a control block of the RealTime loop"]
+
+
 def do(path: Path, *args: str | Path, **options: Any) -> Result:
     port = fake(clock="virtual", initialized=1, wire="auto", **options)
     return run("barrett", "realtime", "--motors", "1", *args, "--log", path, "-p", port, "--json")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.barrett.gcl.line import Restarted
-from tests.barrett.support import codes, scripted, simulated
+from tests.barrett.support import changes, codes, scripted, simulated
 from tests.support.cli import run
 from tests.support.refused import refused
 
@@ -40,6 +40,16 @@ def test_what_moves_or_writes_is_not_repeated(boot: str, command: str) -> None:
     assert "must be initialized (HI)" in caught.value.text
     assert link.sent == [command.encode() + b"\r"], "no ^C: nothing moves any more"
     assert link.clock < 1.0
+
+
+@pytest.mark.parametrize("boot", BOOTS)
+def test_a_restart_ends_a_group_of_writes(boot: str) -> None:
+    """Its RAM is that of the EEPROM again: what was set before is gone, and reading back this line alone would not show it."""
+    hand, link = scripted({"FSET DP 5": "", "PSET LFT 1": b"".join(BOOTS[boot]), "*": "5"})
+    with refused(Restarted, "restarted") as caught:
+        hand.write(changes("LFT=1", "DP=5"))
+    assert "Lost by the restart: FSET DP 5" in caught.value.hint
+    assert link.commands == ["FSET DP 5", "PSET LFT 1"]
 
 
 @pytest.mark.parametrize("echo", [b"", b"C\r\n"])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from handctl.cli import main
-from handctl.errors import DeviceRefused, HandctlError, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, ProtocolError
 from tests.barrett.support import (
     CR,
     QUESTION,
@@ -21,6 +21,7 @@ from tests.barrett.support import (
     scripted,
     simulated,
 )
+from tests.support.refused import refused
 
 # -- the speed --------------------------------------------------------------------------------------------------------
 
@@ -60,6 +61,16 @@ def test_a_hand_that_does_not_follow() -> None:
         hand.write(changes("BAUD=384"))
     assert (caught.value.exit_code, caught.value.code, link.baud) == (6, "baud", 9600)
     assert hand.read(elements("BAUD"))[0].value == 96
+
+
+@pytest.mark.parametrize("baud", [None, 9600])
+def test_a_prompt_at_a_speed_that_means_nothing_is_no_evidence(baud: int | None) -> None:
+    """A device server with a speed of its own, or a port that keeps its own: the prompt comes, and BAUD is what it was."""
+    link = ScriptedHand({"PSET BAUD 384": "ERR 128", "PGET BAUD": "96"}, baud=baud)
+    link.set_baud = lambda baud: None  # type: ignore[method-assign]
+    hand = hand_on(link)
+    with refused(CheckFailed, "read-back"):
+        hand.write(changes("BAUD=384"))
 
 
 def test_a_hand_lost_by_its_speed() -> None:

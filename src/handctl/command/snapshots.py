@@ -102,13 +102,15 @@ def diff(run: Run, params: ParamMap[Any], a: str | None, b: str | None, *, setpo
             "diff needs a snapshot",
             hint=f"`handctl {params.kind} snapshot A` makes one. -d LEFT,RIGHT compares two devices",
         )
-    left = load(a, params.kind)["values"]
+    content = load(a, params.kind)
+    left = content["values"]
     _need_settings(params, setpoints)
     if b is not None:
         right = load(b, params.kind)["values"]
     else:
         device: Device = run.device()
         device.find_for_restore(left)
+        _tell_other_device(run, a, content, device)
         right = read_values(device, params.kept(setpoints=setpoints, further=left))
     hint = Hint("{} writes those of the file", f"{params.kind} restore {a}{' --setpoints' if setpoints else ''}")
     return compared(
@@ -174,7 +176,8 @@ def restore(
     Settings; with `setpoints` also what was commanded, forces after a question of their own. Everything is asked before
     the first byte is written.
     """
-    values: dict[str, Number] = load(path, params.kind)["values"]
+    content = load(path, params.kind)
+    values: dict[str, Number] = content["values"]
     _need_settings(params, setpoints)
     found = _checked(params, values, path)
     changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]
@@ -190,6 +193,7 @@ def restore(
     def look(device: Device) -> Asked:
         device.find_for_restore(values)
         device.identify()
+        _tell_other_device(run, path, content, device)
         live.update(read_values(device, params.kept(setpoints=setpoints, further=values), needed=values))
         differing.extend(change for change in changes if live.get(change[0].full_name) != change[1])
         for text in device.not_covered:
@@ -212,6 +216,15 @@ def restore(
 
     question = f"{_restoring(params, changes)}, where they differ" if changes else ""
     return PlannedAction(lambda: _steps(run.planner(), changes), write, question, look=look)
+
+
+def _tell_other_device(run: Run, path: str, content: Mapping[str, Any], device: Device) -> None:
+    """Warn where the snapshot is of a device with another serial number."""
+    theirs = content["device"].get("serial_number")
+    ours = device.identity().get("serial_number") if theirs else None
+    if ours and ours != theirs:
+        text = f"{path} is a snapshot of another device: serial number {theirs}, and this one has {ours}"
+        run.journal.warn("other-device", text)
 
 
 def tell_all_listed(run: Run) -> None:

@@ -35,6 +35,7 @@ class Frame(NamedTuple):
     same      equals that of the planned step that it is: its bytes without a running number
     group     frames of one group in a row are one step, as the 50 objects a second of a movement; "" = a step of its own
     unasked   counts only where it was planned, as the ^C that a connection begins with
+    meaning   what it says where its bytes alone do not show that; "" = they do
     """
 
     data: bytes
@@ -43,6 +44,7 @@ class Frame(NamedTuple):
     group: str = ""
     can_id: int | None = None
     unasked: bool = False
+    meaning: str = ""
 
 
 class WriteRules(Protocol):
@@ -296,7 +298,7 @@ class Ledger:
         state, frame = self._state(write), write.frame
         row: dict[str, Any] = {
             "bytes": shown(frame.data, frame.can_id),
-            "meaning": write.meaning or self._meaning(frame),
+            "meaning": write.meaning or frame.meaning or self._meaning(frame),
             "state": state,
             "next": self.words.next(frame.data, frame.can_id) if state == SENT and self.words is not None else "",
         }

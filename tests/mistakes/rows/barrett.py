@@ -11,7 +11,55 @@ HARM = "handctl.devices.barrett.maintenance.signs_of_harm"
 LIGHT = "tests/barrett/test_first_light.py::test"
 ANGLES = "handctl.devices.barrett.realtime.joint_angles"
 
+MOTION = "handctl.devices.barrett.motion"
+HAND = "handctl.devices.barrett.device"
+
 ROWS = (
+    mistake(
+        "barrett-what-did-not-move-touched-something",
+        "evidence believed",
+        MOTION,
+        "how_it_ended",
+        "if not status & NOT_REACHED and stayed:",
+        "if False:",
+        "tests/barrett/test_motion.py::test_only_what_moved_or_says_so_touched_something",
+    ),
+    mistake(
+        "barrett-short-without-err-16-touched-something",
+        "evidence believed",
+        MOTION,
+        "how_it_ended",
+        'if not status & NOT_REACHED and name not in ("O", "C"):',
+        "if False:",
+        "tests/barrett/test_motion.py::test_only_what_moved_or_says_so_touched_something",
+    ),
+    mistake(
+        "barrett-baud-rate-believed-for-its-prompt",
+        "evidence believed",
+        HAND,
+        "BarrettHand.write",
+        "readings += self._read_back([(element, value)], self._commands([(element, value)]))",
+        "readings += self.read([element])",
+        "tests/barrett/test_speed.py::test_a_prompt_at_a_speed_that_means_nothing_is_no_evidence",
+    ),
+    mistake(
+        "barrett-writes-go-on-after-a-restart",
+        "evidence believed",
+        HAND,
+        "BarrettHand._write_line",
+        "if self.journal.counters.sent == sent or isinstance(exc, Restarted):",
+        "if self.journal.counters.sent == sent:",
+        "tests/barrett/test_restart.py::test_a_restart_ends_a_group_of_writes",
+    ),
+    mistake(
+        "barrett-a-control-block-is-told-as-a-command",
+        "ledger lies",
+        "handctl.devices.barrett.explain_bytes",
+        "BarrettWriteRules.sent",
+        'return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block", meaning=BLOCK),)',
+        'return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block"),)',
+        "tests/barrett/test_realtime_log.py::test_a_control_block_is_no_command",
+    ),
     mistake(
         "barrett-a-law-sees-the-change-with-the-wrong-sign",
         "false value",

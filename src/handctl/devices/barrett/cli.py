@@ -19,7 +19,8 @@ from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, SPEED, kind_of, motor_prefix, motors_of
-from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.gcl.connect_table import RESTARTED_TEXT
+from handctl.devices.barrett.gcl.line import GclLine, Restarted
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, hint_for, split_status
 from handctl.devices.barrett.maintenance.cli import add_care_commands
 from handctl.devices.barrett.parameter_map import BARRETT, BAUD_CODES, SPEEDS, check_careful
@@ -481,8 +482,19 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
                     _refuse_to_keep(int(value), force)
 
     act = snapshots.restore(run, BARRETT, file, check=check)
+
+    def whole(hand: BarrettHand) -> Table:
+        before = len(hand.journal.messages)
+        table = act.do(hand)
+        if any(message.code == Restarted.default_code for message in hand.journal.messages[before:]):
+            raise Restarted(
+                f"{hand.link.name}: {RESTARTED_TEXT}. What was written before that is lost",
+                hint="initialize the hand, then restore the snapshot again",
+            )
+        return table
+
     if not save_too:
-        return act
+        return act._replace(do=whole)
     saves = [step_of(text) for text in _saves(None)]
     asks, question = asked_before(saves)
 
@@ -491,7 +503,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
         return act.looked(hand)
 
     def write(hand: BarrettHand) -> Table:
-        table = act.do(hand)
+        table = whole(hand)
         eeprom_saves.save(hand, force=True, simulated=run.simulated)
         return table
 

@@ -10,7 +10,7 @@ from itertools import product
 from types import MappingProxyType
 
 from handctl.devices.barrett.gcl.codec import CR, KINDS, Answer, batches, encode, kind_of, values
-from handctl.devices.barrett.gcl.line import GclLine
+from handctl.devices.barrett.gcl.line import GclLine, Restarted
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for, shows_heat
 from handctl.devices.barrett.parameter_map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
 from handctl.devices.barrett.status_and_parameter_views import (
@@ -345,7 +345,7 @@ class BarrettHand(Device):
         readings = self._write_calm(calm) if calm else []
         for element, value in filter(_is_speed, changes):
             self.line.change_speed(int(value))
-            readings += self.read([element])
+            readings += self._read_back([(element, value)], self._commands([(element, value)]))
         return readings
 
     def _write_calm(self, changes: Changes) -> list[Reading]:
@@ -357,7 +357,8 @@ class BarrettHand(Device):
                 self._write_line(command, mine, last=number == len(commands))
             except HandctlError as exc:
                 if done:
-                    exc.add_aftermath(Aftermath(behind=f"already set: {', '.join(done)}"))
+                    what = "lost by the restart" if isinstance(exc, Restarted) else "already set"
+                    exc.add_aftermath(Aftermath(behind=f"{what}: {', '.join(done)}"))
                 raise
             done.append(command)
         return self._read_back(changes, commands)
@@ -368,8 +369,8 @@ class BarrettHand(Device):
         try:
             answer = self.line.ask(command)
         except (NoAnswer, ProtocolError) as exc:
-            if self.journal.counters.sent == sent:
-                raise
+            if self.journal.counters.sent == sent or isinstance(exc, Restarted):
+                raise  # a hand that restarted has its saved settings again: what was set before is gone
             self.journal.warn(
                 "answer-lost", f"no valid reply to {command} ({exc.text}), so handctl reads the values back"
             )

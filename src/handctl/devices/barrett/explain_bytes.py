@@ -917,6 +917,9 @@ LONGEST = 4096
 """Bytes that are kept of an answer."""
 
 
+BLOCK = "a control block of the RealTime loop"
+
+
 class BarrettWriteRules:
     """One connection."""
 
@@ -937,7 +940,7 @@ class BarrettWriteRules:
         if data.strip(SAFE_ABORT) == b"":
             return self._aborted(data)
         if self._loop:
-            return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block"),)
+            return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block", meaning=BLOCK),)
         if _asks(data):
             self._decoder = None
             return ()

@@ -26,7 +26,7 @@ GOALS = {"C": "CT", "O": "OT", "M": "DP"}
 NEEDED = {
     "HI": (),
     "O": ("OT", "CT", "P", "IVEL"),
-    "C": ("CT", "OT"),
+    "C": ("CT", "OT", "P"),
     "M": ("DP", "P", "IVEL"),
     "IO": ("P", "DS", "IVEL"),
     "IC": ("P", "DS"),
@@ -157,7 +157,7 @@ def timed(
                 "beyond",
                 f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
             )
-    goals, seconds = _before(hand, name, argument, motors, force)
+    goals, seconds, starts = _before(hand, name, argument, motors, force)
     prompts.progress(f"{text}: moving. The hand sends nothing until it stops.", CTRL_C)
     with hand.driven(prompts, powered=CTRL_C_KEEPS_POWER):
         began = hand.link.now()
@@ -165,7 +165,7 @@ def timed(
         took = hand.link.now() - began
     prompts.done()
     try:
-        table, arrivals = _result(hand, name, answer, motors, goals, all_motors=not prefix)
+        table, arrivals = _result(hand, name, answer, motors, goals, starts, all_motors=not prefix)
     except (NoAnswer, ProtocolError) as exc:
         exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
         raise
@@ -196,8 +196,8 @@ def moved(
 
 def _before(
     hand: BarrettHand, name: str, argument: int | None, motors: list[int], force: bool
-) -> tuple[dict[int, int], float]:
-    """Goals by motor, and the longest time of the movement in seconds at the set velocities: one line of questions."""
+) -> tuple[dict[int, int], float, dict[int, int]]:
+    """Goals by motor, the longest time of the movement in seconds at the set velocities, and where each motor is: one line of questions."""
     velocity = VELOCITIES.get(name, ("MCV",))
     wanted = list(dict.fromkeys([*NEEDED.get(name, ()), *velocity, "SAMPLE"]))
     if name in ("M", "IC", "IO") and argument is not None:
@@ -219,7 +219,7 @@ def _before(
         speeds = [at[key] for key in velocity if at.get(key)]
         if speeds and "SAMPLE" in at:
             slowest = max(slowest, travel_seconds(index, min(speeds), at["SAMPLE"]))
-    return goals, slowest
+    return goals, slowest, {index: at["P"] for index, at in by_motor.items() if "P" in at}
 
 
 def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> None:
@@ -265,7 +265,14 @@ def _goal(name: str, argument: int | None, at: dict[str, int]) -> int | None:
 
 
 def _result(
-    hand: BarrettHand, name: str, answer: Answer, motors: list[int], goals: dict[int, int], *, all_motors: bool
+    hand: BarrettHand,
+    name: str,
+    answer: Answer,
+    motors: list[int],
+    goals: dict[int, int],
+    starts: dict[int, int],
+    *,
+    all_motors: bool,
 ) -> tuple[Table, list[Arrival]]:
     # The strain first: it relaxes when the motor is off (dossier 5).
     names = ["SG", "P", "S", "HSG", "LSG", "MPE", *(["EN"] if all_motors else [])]
@@ -277,9 +284,8 @@ def _result(
         value = {key: at.get((key, index)) for key in names}
         numbers = {key: int(number) for key, number in value.items() if number is not None}
         lost = implausible(index, numbers.get("P", 0))
-        ended = how_it_ended(
-            name, {key: at for key, at in numbers.items() if key != "P" or not lost}, goals.get(index), answer.status
-        )
+        now = {key: at for key, at in numbers.items() if key != "P" or not lost}
+        ended = how_it_ended(name, now, goals.get(index), answer.status, starts.get(index))
         motor = MOTORS[index]
         more = {
             "target": goals.get(index),
@@ -303,14 +309,18 @@ class Ended(NamedTuple):
     words: str
 
 
-def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) -> Ended:
-    """The termination case of §5.5, from position, strain, limits and status."""
-    own = now.get("S", 0)
+def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, start: int | None = None) -> Ended:
+    """The termination case of §5.5, from position, strain, limits and status. `start`: where the motor was before, None = not known.
+
+    A stall is told by ERR 16, and of O and C, which never answer 16, by a way that ended short of its goal (dossier 5).
+    """
+    own, near = now.get("S", 0), now.get("MPE", 50)
     if now.get("EN") == 0:
         return Ended(None, "disabled (EN 0): did not move")
     if own & 3:
         return Ended(BLOCKED, explain_status(own))
-    if own & 4:
+    stayed = start is not None and "P" in now and abs(now["P"] - start) <= near
+    if own & 4 or (status & 4 and stayed):
         return Ended(BLOCKED, "not initialized: did not move")
     if status & 16384 or own & 16384:
         return Ended(SHORT, "stopped by ^C")
@@ -322,14 +332,18 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int) 
     over, under = high < OFF and strain > high, low < OFF and strain < low
     if strain != NO_GAUGE and (over or under):
         return Ended(CONTACT, f"strain limit: {strain} is {f'above HSG {high}' if over else f'below LSG {low}'}")
-    if goal is not None and name not in TORQUE and abs(now["P"] - goal) <= now.get("MPE", 50):
+    if goal is not None and name not in TORQUE and abs(now["P"] - goal) <= near:
         return Ended(REACHED, "reached")
     if name in TORQUE:
         return Ended(CONTACT, "stalled on something, or at the joint stop")
     if name == "HI":
-        return Ended(REACHED, "initialized")
+        return Ended(SHORT, "its position is not 0 after HI")
     if goal is None:
         return Ended(SHORT, "ended")
+    if not status & NOT_REACHED and stayed:
+        return Ended(SHORT, "did not move")
+    if not status & NOT_REACHED and name not in ("O", "C"):
+        return Ended(SHORT, "ended short of the target without ERR 16")
     return Ended(CONTACT, "stalled short of the target")
 
 
