@@ -36,6 +36,7 @@ class Frame(NamedTuple):
     group     frames of one group in a row are one step, as the 50 objects a second of a movement; "" = a step of its own
     unasked   counts only where it was planned, as the ^C that a connection begins with
     meaning   what it says where its bytes alone do not show that; "" = they do
+    next      what to do if nothing confirms it, where the bytes alone do not show that
     """
 
     data: bytes
@@ -45,6 +46,7 @@ class Frame(NamedTuple):
     can_id: int | None = None
     unasked: bool = False
     meaning: str = ""
+    next: str = ""
 
 
 class WriteRules(Protocol):
@@ -153,7 +155,7 @@ class Ledger:
         self._plan: list[tuple[Hashable, Step]] = []
         self._writes: list[Write] = []
         self._waiting: dict[Hashable, Write] = {}
-        self._one_step = ""
+        self._one_step: Frame | None = None
         self._repeats = False
         self._asked: set[Hashable] = set()  # what of the plan went out
 
@@ -187,8 +189,7 @@ class Ledger:
             return
         try:
             if mark == ">":
-                frames = self.words.sent(data, can_id) if not self._one_step else (Frame(data, group=self._one_step),)
-                for frame in frames:
+                for frame in [self._one_step._replace(data=data)] if self._one_step else self.words.sent(data, can_id):
                     self._note(frame)
             elif self._waiting:
                 for key, accepted in self.words.came(data, can_id):
@@ -198,13 +199,16 @@ class Ledger:
                 self._note(Frame(data, can_id=can_id))
 
     @contextmanager
-    def one_step(self, meaning: str) -> Iterator[None]:
-        """Everything that goes out in here is one step, whatever its bytes look like: an image for a boot monitor."""
-        self._one_step = meaning
+    def one_step(self, meaning: str, then: str) -> Iterator[None]:
+        """Everything that goes out in here is one step, whatever its bytes look like: an image for a boot monitor.
+
+        `then`: what to do if nothing confirms it.
+        """
+        self._one_step = Frame(b"", group=meaning, meaning=meaning, next=then)
         try:
             yield
         finally:
-            self._one_step = ""
+            self._one_step = None
 
     @contextmanager
     def repeating(self) -> Iterator[None]:
@@ -228,7 +232,7 @@ class Ledger:
             last.again(frame.data)
             last.meaning = last.meaning or (planned.meaning if planned is not None else "")
         else:
-            last = Write(frame, planned.meaning if planned is not None else self._one_step, SENT)
+            last = Write(frame, planned.meaning if planned is not None else "", SENT)
             self._writes.append(last)
         if frame.key is not None:
             self._waiting[frame.key] = last
@@ -300,7 +304,9 @@ class Ledger:
             "bytes": shown(frame.data, frame.can_id),
             "meaning": write.meaning or frame.meaning or self._meaning(frame),
             "state": state,
-            "next": self.words.next(frame.data, frame.can_id) if state == SENT and self.words is not None else "",
+            "next": frame.next or self.words.next(frame.data, frame.can_id)
+            if state == SENT and self.words is not None
+            else "",
         }
         if write.evidence:
             row["evidence"] = write.evidence

@@ -56,8 +56,8 @@ ROWS = (
         "ledger lies",
         "handctl.devices.barrett.explain_bytes",
         "BarrettWriteRules.sent",
-        'return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block", meaning=BLOCK),)',
-        'return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block"),)',
+        'return (Frame(data, None, data, group="block", meaning=BLOCK, next=BLOCK_NEXT),)',
+        'return (Frame(data, None, data, group="block"),)',
         "tests/barrett/test_realtime_log.py::test_a_control_block_is_no_command",
     ),
     mistake(

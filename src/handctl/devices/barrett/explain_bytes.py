@@ -917,7 +917,7 @@ LONGEST = 4096
 """Bytes that are kept of an answer."""
 
 
-BLOCK = "a control block of the RealTime loop"
+BLOCK, BLOCK_NEXT = "a control block of the RealTime loop", "`handctl barrett status`"
 
 
 class BarrettWriteRules:
@@ -940,7 +940,9 @@ class BarrettWriteRules:
         if data.strip(SAFE_ABORT) == b"":
             return self._aborted(data)
         if self._loop:
-            return () if data in (FEEDBACK_ONLY, NEITHER) else (Frame(data, None, data, group="block", meaning=BLOCK),)
+            if data in (FEEDBACK_ONLY, NEITHER):
+                return ()
+            return (Frame(data, None, data, group="block", meaning=BLOCK, next=BLOCK_NEXT),)
         if _asks(data):
             self._decoder = None
             return ()

@@ -50,6 +50,7 @@ KEEP_ON = "Keep the power on."
 AGAIN = "check the cable, then run the download again"
 CYCLE = "Switch the power supply OFF, wait 5 seconds, switch it ON."
 MISSED = "The hand started its old firmware, so it was too late for the download. Switch it off and on again."
+AGAIN = "switch the hand off and on, then load the firmware again"
 HALF = "the firmware in the hand is incomplete. Switch the hand off, do not move it, and load the whole file again"
 DOWNLOADS = "a firmware download is running: the boot monitor moves nothing, and would read a stop as firmware"
 """Why nobody else can have the device stopped meanwhile."""
@@ -93,10 +94,10 @@ class Loader:
         begun = ledger.mark
         image = f"the image {self.firmware.name}, {self.firmware.size} bytes, to the boot monitor"
         while True:
-            with ledger.one_step(image):
+            with ledger.one_step(image, AGAIN):
                 self._power_on()
             try:
-                with ledger.one_step(image):
+                with ledger.one_step(image, AGAIN):
                     self._send_all()
                 ledger.confirm("every byte was echoed", since=begun)
                 break

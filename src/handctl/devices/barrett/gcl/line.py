@@ -300,13 +300,15 @@ class GclLine(Line):
         if not received:
             return self.unanswered(f"{command}{speed}", self.timeout or ECHO_SECONDS, since, SILENCE)
         self.journal.counters.bad_frames += 1
+        hint = "check the cable and run the command again: data was corrupted on the line, or the baud rate is wrong"
         if decoder.echoed:
             code, text = "cut-short", "the reply has no prompt"
+            hint = "check that the hand has power: it took the command, and its reply did not end"
         else:
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
             f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}",
-            hint="check the cable and run the command again: data was corrupted on the line, or the baud rate is wrong",
+            hint=hint,
             code=code,
         )
 

@@ -20,7 +20,10 @@ STATUS_CODES: dict[int, tuple[str, str]] = {
     ),
     64: (
         "Unknown parameter name",
-        Hint("this firmware does not have this parameter: {} lists them all", "barrett describe"),
+        Hint(
+            "check the name: {} lists them all. If it is right, this firmware does not have this parameter",
+            "barrett describe",
+        ),
     ),
     128: ("Invalid value", Hint("see the ranges with {}", "barrett describe")),
     256: ("Tried to write a read only parameter", "read it with `handctl barrett get`: it cannot be written"),
@@ -31,7 +34,10 @@ STATUS_CODES: dict[int, tuple[str, str]] = {
         "Overtemperature fault tripped",
         Hint("compare TEMP with OTEMP in {}, and let the hand cool", "barrett status"),
     ),
-    16384: ("Cntl-C abort command received", "nothing to do: this is normal after ^C"),
+    16384: (
+        "Cntl-C abort command received",
+        "nothing to do if you stopped it yourself. If not, another program may have sent ^C",
+    ),
 }
 """barrett §5.1.3, T3: code -> (the manual's wording, next step)."""
 

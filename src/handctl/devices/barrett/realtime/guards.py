@@ -193,9 +193,7 @@ class Guards:
         elif now - since > max(
             limits.stall, LEAST_SHARE * limits.quantum / speed
         ):  # a slow motor needs long for a count
-            text = (
-                f"has been at {position} counts for {(now - since) * 1000:.0f} ms, TSTOP is {limits.stall * 1000:.0f}"
-            )
+            text = f"has not advanced for {(now - since) * 1000:.0f} ms (at {position} counts), TSTOP is {limits.stall * 1000:.0f}"
             self._trip("stall", index, watch, velocity, position, limits.stall, now - since, text)
 
     def _trip(
