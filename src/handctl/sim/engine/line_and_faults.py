@@ -551,7 +551,7 @@ class Line(Cable):
         """The same with bytes that take no time on the wire, and come alone."""
         device = self.device
         while data:
-            count = (device.due(data) if len(data) > 1 else 1) or len(data)
+            count = (device.together(data) if len(data) > 1 else 1) or len(data)
             part, data = data[:count], data[count:]
             device.advance(max(device.now, self._present()))
             device.feed(part)
