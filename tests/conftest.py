@@ -87,7 +87,7 @@ def pytest_configure(config: pytest.Config) -> None:
     quickly()
 
 
-# Some hundred reports and doctors name the packages, whose versions stay while tests run: each would read them from a disk.
+# Reports and doctors name the packages. Their versions stay while tests run, and each would be read from its file again.
 metadata.version = cache(metadata.version)
 
 # The same few examples in each run: what a new one finds is a task for the search, not an end of an ordinary run by chance.
