@@ -7,6 +7,8 @@ import signal
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
+from functools import cache
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -84,6 +86,9 @@ def pytest_configure(config: pytest.Config) -> None:
         config.pluginmanager.register(Hanging())
     quickly()
 
+
+# Reports and doctors name the packages. Their versions stay while tests run, and each would be read from its file again.
+metadata.version = cache(metadata.version)
 
 # The same few examples in each run: what a new one finds is a task for the search, not an end of an ordinary run by chance.
 settings.register_profile(

@@ -16,6 +16,7 @@ import pytest
 
 from tests.support.cli import PATIENCE
 from tests.support.places import PROJECT as ROOT
+from tests.support.syntax import walk
 
 TESTS = ROOT / "tests"
 LEAST = 20.0
@@ -79,7 +80,7 @@ def called(node: ast.AST) -> str:
 def hurried(tree: ast.Module) -> Iterator[ast.AST]:
     """Time that passed since, and must be less than a busy machine may take."""
     names = numbers(tree)
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if not isinstance(node, ast.Compare):
             continue
         sides = [node.left, *node.comparators]
@@ -87,7 +88,7 @@ def hurried(tree: ast.Module) -> Iterator[ast.AST]:
             less = isinstance(operator, (ast.Lt, ast.LtE))
             small, large = (sides[place], sides[place + 1]) if less else (sides[place + 1], sides[place])
             passed = isinstance(small, ast.BinOp) and isinstance(small.op, ast.Sub)
-            if passed and any(called(part) in CLOCKS for part in ast.walk(small)):
+            if passed and any(called(part) in CLOCKS for part in walk(small)):
                 bound = seconds(large, names)
                 if isinstance(operator, (ast.Lt, ast.LtE, ast.Gt, ast.GtE)) and (bound is None or bound < LEAST):
                     yield node
@@ -95,15 +96,15 @@ def hurried(tree: ast.Module) -> Iterator[ast.AST]:
 
 def impatient(tree: ast.Module) -> Iterator[ast.AST]:
     """A wait for what must come that a busy machine may outlast; one for what must not come stands in `briefly`."""
-    names = numbers(tree)
+    names, nodes = numbers(tree), walk(tree)
     silences = {
         id(part)
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.Try) and any("Timeout" in ast.unparse(one.type) for one in node.handlers if one.type)
         for line in node.body
-        for part in ast.walk(line)
+        for part in walk(line)
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         if not isinstance(node, ast.Call) or id(node) in silences:
             continue
         name, given = called(node), {word.arg: word.value for word in node.keywords}
@@ -125,20 +126,20 @@ def impatient(tree: ast.Module) -> Iterator[ast.AST]:
 
 def released(tree: ast.Module) -> Iterator[ast.AST]:
     """The number of a TCP port that was free, and is used when the port is no longer ours."""
-    for scope in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
-        for block in (node for node in ast.walk(scope) if isinstance(node, ast.With)):
-            inside = {id(part) for part in ast.walk(block)}
+    for scope in (node for node in walk(tree) if isinstance(node, ast.FunctionDef)):
+        for block in (node for node in walk(scope) if isinstance(node, ast.With)):
+            inside = {id(part) for part in walk(block)}
             asked = {
                 target.id
-                for part in ast.walk(block)
+                for part in walk(block)
                 if isinstance(part, ast.Assign)
-                and {called(piece) for piece in ast.walk(part.value)} - {"", "format"} == {"getsockname"}
+                and {called(piece) for piece in walk(part.value)} - {"", "format"} == {"getsockname"}
                 for target in part.targets
                 if isinstance(target, ast.Name)
             }
             yield from (
                 part
-                for part in ast.walk(scope)
+                for part in walk(scope)
                 if isinstance(part, ast.Name)
                 and isinstance(part.ctx, ast.Load)
                 and part.id in asked
@@ -148,7 +149,7 @@ def released(tree: ast.Module) -> Iterator[ast.AST]:
 
 def unjoined(tree: ast.Module) -> Iterator[ast.AST]:
     """A thread that nobody can wait for: it may read from a descriptor whose number is another test's by then."""
-    for node in ast.walk(tree):
+    for node in walk(tree):
         starts = isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr == "start"
         if starts and called(node.func.value) == "Thread":
             yield node
@@ -156,13 +157,13 @@ def unjoined(tree: ast.Module) -> Iterator[ast.AST]:
 
 def alive(node: ast.Call) -> bool:
     """A command on a simulator in real time."""
-    words = [part.value for part in ast.walk(node) if isinstance(part, ast.Constant) and isinstance(part.value, str)]
+    words = [part.value for part in walk(node) if isinstance(part, ast.Constant) and isinstance(part.value, str)]
     return "--fake" in words or any(word.startswith("fake://") and "clock=virtual" not in word for word in words)
 
 
 def twice(tree: ast.Module) -> Iterator[ast.AST]:
     """The results of two runs, one of them on a device whose clock goes on between them."""
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if isinstance(node, ast.Compare) and all(isinstance(operator, ast.Eq) for operator in node.ops):
             sides = [
                 side.value

@@ -16,7 +16,7 @@ import click
 from handctl import guides
 from handctl.command.command_tree import root
 from handctl.tools.help import _text, _topics
-from tests.support.syntax import nodes_of
+from tests.support.syntax import nodes_of, walk
 
 TOP = Path(__file__).parents[2]
 SOURCES = TOP / "src" / "handctl"
@@ -57,7 +57,7 @@ def _strings(path: Path) -> Iterator[str]:
     inside: set[int] = set()
     for node in nodes_of(path):
         if isinstance(node, ast.JoinedStr):
-            inside |= {id(part) for part in ast.walk(node) if part is not node}
+            inside |= {id(part) for part in walk(node) if part is not node}
             yield "".join(str(part.value) if isinstance(part, ast.Constant) else HOLE for part in node.values)
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in inside:
             yield re.sub(r"\{\w+\}", HOLE, node.value)

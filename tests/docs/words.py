@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from handctl import guides
 from tests.support.places import PROJECT as ROOT
-from tests.support.syntax import nodes_of
+from tests.support.syntax import nodes_of, walk
 
 SOURCE = ROOT / "src/handctl"
 ROOMS = {
@@ -54,9 +54,9 @@ def module(path: Path) -> Module:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             inner.add(id(node.value))
         elif isinstance(node, ast.IfExp):
-            guarded.update(id(part) for part in ast.walk(node))
+            guarded.update(id(part) for part in walk(node))
         elif isinstance(node, ast.JoinedStr) and id(node) not in inner:
-            inner.update(id(part) for part in ast.walk(node) if part is not node)
+            inner.update(id(part) for part in walk(node) if part is not node)
             text = "".join(str(part.value) if isinstance(part, ast.Constant) else "{}" for part in node.values)
             found.literals.append((node.lineno, text))
             counted = "".join(

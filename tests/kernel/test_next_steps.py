@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import re
 import shlex
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from handctl.model.check_rows import FAIL, Check
 from handctl.model.device_picture import remedies_of
 from handctl.model.result import Message
 from handctl.wording import sentence
-from tests.support.syntax import tree_of
+from tests.support.syntax import nodes_of
 
 CALLS = {"Remedy": 1, "Check": 3, "Finding": 3, "Reason": 1, "Aftermath": 1, "warn": 2, "info": 2, "verdict": 4}
 """Call -> which of its arguments is a next step."""
@@ -31,18 +31,18 @@ ALONE = frozenset({"shell", "batch", "service", "prove"})
 
 
 @cache
-def modules() -> dict[str, ast.Module]:
+def modules() -> dict[str, tuple[ast.AST, ...]]:
     root = Path(handctl.__file__).parent
     return {
-        str(path.relative_to(root)): tree_of(path)
+        str(path.relative_to(root)): nodes_of(path)
         for path in sorted(root.rglob("*.py"))
         if path.relative_to(root).parts[0] not in ("sim", "docgen")
     }
 
 
-def steps(tree: ast.Module) -> Iterator[ast.expr]:
+def steps(nodes: Iterable[ast.AST]) -> Iterator[ast.expr]:
     """The literals of a module that are next steps."""
-    for node in ast.walk(tree):
+    for node in nodes:
         if isinstance(node, ast.keyword) and node.arg in NAMES:
             yield from literals(node.value)
         elif isinstance(node, ast.Call):
@@ -83,8 +83,8 @@ def runs(command: str) -> bool:
 def test_a_next_step_does_not_hide_a_command_in_its_text() -> None:
     hidden = [
         f"{module}:{node.lineno}: {command}"
-        for module, tree in modules().items()
-        for node in steps(tree)
+        for module, nodes in modules().items()
+        for node in steps(nodes)
         for command in re.findall(r"`handctl ([^`]+)`", words_of(node))
         if runs(command)
     ]
@@ -94,8 +94,8 @@ def test_a_next_step_does_not_hide_a_command_in_its_text() -> None:
 def test_a_command_that_is_data_can_be_run() -> None:
     given = [
         (f"{module}:{part.lineno}", str(part.value))
-        for module, tree in modules().items()
-        for node in ast.walk(tree)
+        for module, nodes in modules().items()
+        for node in nodes
         if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Hint"
         for part in node.args[1:]
         if isinstance(part, ast.Constant)

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -19,7 +18,7 @@ from pathlib import Path
 from tests.mistakes.seeded import foreign, prepare, run, seed
 from tests.mistakes.table import TOP, Mistake, Stale, mistakes
 from tests.mistakes.together import Outcomes, together
-from tests.support.own_state import memory
+from tests.support.own_state import scratch
 
 
 def healthy(tests: Sequence[str]) -> Outcomes:
@@ -131,12 +130,11 @@ def main() -> int:
             print("".join(f"{'':<11}{test}\n" for test in one.tests), end="")
         return 0
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # looking for plugins takes each child as long as a test
-    with tempfile.TemporaryDirectory(dir=memory()) as folder:
-        tempfile.tempdir = folder  # of the children, too: what they leave goes with it
+    with scratch() as folder:
         if args.find:
-            find(some, args.find, args.jobs, Path(folder))
+            find(some, args.find, args.jobs, folder)
             return 0
-        lost = check(some, args.jobs, Path(folder))
+        lost = check(some, args.jobs, folder)
     print(f"{time.monotonic() - began:.1f} s")
     return 1 if lost else 0
 

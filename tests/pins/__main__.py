@@ -18,6 +18,7 @@ from itertools import islice
 from tests.pins import BY_HAND, file_of, found, pins
 from tests.pins.cover import Following, Shown, arcs, cover
 from tests.search.suite import Suite, command, suites
+from tests.support.own_state import scratch
 
 MOST = 4000
 """Cells of a group among which is chosen."""
@@ -65,6 +66,7 @@ def bare(suite: Suite, only: str) -> frozenset[Hashable]:
     return frozenset((suite.name, "shows", what) for what in {*suite.wanted()} - has)
 
 
+@scratch()
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.pins", description=__doc__)
     parser.add_argument("suites", nargs="*", help="suites (default: those that have pins)")

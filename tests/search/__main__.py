@@ -23,6 +23,7 @@ from itertools import islice
 from pathlib import Path
 
 from tests.search.suite import BUSY, SECONDS, Suite, command, run, suites, told
+from tests.support.own_state import scratch
 
 AHEAD = 2000
 """Cells of a group among which the next one is drawn."""
@@ -186,6 +187,7 @@ def repeat(cell: str) -> int:
     return 1 if wrong else 0
 
 
+@scratch()
 def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.search", description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)

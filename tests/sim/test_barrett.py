@@ -70,6 +70,17 @@ def test_transcript(name: str, bytewise: bool) -> None:
     assert came.encode().hex(" ").upper() == reply
 
 
+@each_row("fault", ["none", "silent", "noise", "no-echo"])
+def test_a_line_at_its_limit_is_the_same_at_once_and_byte_by_byte(fault: str) -> None:
+    for length in (15, 16, 17, 18, 40):
+        came = []
+        for pieces in (("x" * length + "\r",), (*"x" * length, "\r"), ("xxx", "x" * (length - 3), "\r")):
+            bench = ready(line_limit=16)
+            bench.control(f"fault {fault}")
+            came.append("".join(map(bench.send, pieces)) + bench.run())
+        assert came[1:] == came[:1] * 2, length
+
+
 def test_transcript_of_a_sum() -> None:
     """20 = 4 + 16: F1 does not reach its goal, F3 is not initialized (§5.1.3)."""
     bench = Bench()

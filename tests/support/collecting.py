@@ -45,8 +45,12 @@ LONGEST = (
 
 def _worth_telling(send: Callable[..., None], name: str, **what: Any) -> None:
     report = what.get("data", {}) if name == "testreport" else {}
-    if name != "logstart" and (report.get("when", "call") == "call" or report["outcome"] != "passed"):
-        send(name, **what)
+    passed = report.get("outcome") == "passed"
+    if name == "logstart" or (passed and report["when"] != "call"):
+        return
+    if passed:
+        report["keywords"] = {}  # a dozen each: they say why one was skipped
+    send(name, **what)
 
 
 class Collecting:
@@ -56,11 +60,14 @@ class Collecting:
         self.kept = kept
 
     def pytest_sessionstart(self, session: pytest.Session) -> None:
-        """A worker tells how a test ended, and not that it began, was set up and was torn down: nobody reads that."""
+        """A worker tells how a test ended, and not that it began, was set up and was torn down: nobody reads that, nor what
+        it would show on a terminal of its own."""
         session.config.option.loadscopereorder = False  # the workers' order is that of `pytest_collection_modifyitems`
-        for plugin in session.config.pluginmanager.get_plugins():
+        plugins = session.config.pluginmanager
+        for plugin in plugins.get_plugins():
             if type(plugin).__name__ == "WorkerInteractor":
                 plugin.sendevent = partial(_worth_telling, plugin.sendevent)
+                plugins.unregister(name="terminalreporter")
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_collection(self, session: pytest.Session) -> None:
@@ -93,7 +100,7 @@ class Collecting:
         sys.dont_write_bytecode = self.kept
         # What was collected stays to the end: no collection during a test, nor in a child that it forks, looks at it.
         gc.freeze()
-        gc.set_threshold(100_000, 20, 100)  # a command makes some thousand objects, and nearly all go without it
+        gc.set_threshold(2_000, 20, 100)  # so few are still in the caches of the processor when they are gone over
         gc.enable()
 
     @pytest.hookimpl(trylast=True)

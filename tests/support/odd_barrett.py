@@ -34,7 +34,7 @@ def odd(
     without  a parameter that it does not have
     values   parameter -> what it prints in place of each value
     """
-    run, finish, hear, get, value = Device._run, Device._reply, Device._hear_line, gcl._get, gcl.values
+    run, finish, hear, get, value = Device._run, Device._reply, Device.feed, gcl._get, gcl.values
     asked: dict[int, str] = {}
 
     def noted(self: Device) -> None:
@@ -46,10 +46,10 @@ def odd(
         data = every(self._replies[-1].data)
         self._replies[-1].data = first(data) if asked.get(id(self), "").endswith(FIRST) else data
 
-    def heard(self: Device, byte: int) -> None:
-        hear(self, byte)
-        if byte == 0 and self._replies and self._replies[-1].data == b"\0":
-            self._replies[-1].data = nul
+    def heard(self: Device, data: bytes) -> None:
+        hear(self, data)
+        for echo in self._replies if 0 in data else ():
+            echo.data = echo.data.replace(b"\0", nul)
 
     def got(device: Any, names: list[str], bank: Any, numbers: Any) -> Any:
         if without not in names:
@@ -65,7 +65,7 @@ def odd(
     with swapped(
         (Device, "_run", noted),
         (Device, "_reply", reply),
-        (Device, "_hear_line", heard),
+        (Device, "feed", heard),
         (gcl, "_get", got),
         (gcl, "values", printed),
     ):

@@ -5,6 +5,9 @@ from __future__ import annotations
 import itertools
 import os
 import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 NUMBERS = itertools.count()
@@ -23,6 +26,17 @@ def memory() -> str | None:
     """Where the folders of a run are made, if there is room: it has tens of thousands, and each takes a disk up to a hundred times as long."""
     usable = os.access(IN_MEMORY, os.R_OK | os.W_OK | os.X_OK)
     return str(IN_MEMORY) if usable and shutil.disk_usage(IN_MEMORY).free >= ROOM else None
+
+
+@contextmanager
+def scratch() -> Iterator[Path]:
+    """A folder for all that this process and its children make for a while: it is gone at the end, after Ctrl-C too."""
+    with tempfile.TemporaryDirectory(dir=memory(), ignore_cleanup_errors=True) as folder:
+        before, tempfile.tempdir = tempfile.tempdir, folder
+        try:
+            yield Path(folder)
+        finally:
+            tempfile.tempdir = before
 
 
 def begin() -> None:

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -78,8 +77,10 @@ def _descriptors(pid: int, root: Path) -> dict[str, str] | None:
         return {}  # just ended
     found = {}
     for name in names:
-        with contextlib.suppress(OSError):
+        try:
             found[name] = os.readlink(f"{folder}/{name}")
+        except OSError:
+            continue
     return found
 
 

@@ -33,10 +33,10 @@ def status(ekso: Ekso, check: bool) -> Table:
     second, later = (ekso.readings("data") if first[0].value is not None else first), ekso.port.moment
     settings = ekso.asked("settings")
     feedback = ekso.asked("feedback")
-    there = ekso.present([*second, *settings, *feedback])
-    data = second if second[0] in there else []
-    settings = [reading for reading in settings if reading in there]
-    feedback = [reading for reading in feedback if reading in there]
+    there = {id(reading) for reading in ekso.present([*second, *settings, *feedback])}
+    data = second if id(second[0]) in there else []
+    settings = [reading for reading in settings if id(reading) in there]
+    feedback = [reading for reading in feedback if id(reading) in there]
     rows = [ekso.row(reading) for reading in (*data[:25], *feedback[:3], *settings)]
     findings = []
     if data:

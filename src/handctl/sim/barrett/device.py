@@ -41,6 +41,7 @@ class Device(Board):
         self._switches = switches(options)  # moments at which the switch is turned
         self.monitor = boot_monitor.Monitor(self)
         self.loop: realtime_loop.Loop | None = None
+        self._paced = options.text("reply-times") is not None  # each byte of an echo takes a time of its own
         self._hear = self._hear_line  # what takes the next byte: one method for each state of the firmware
         self._line = bytearray()
         self._open = False  # a line has begun
@@ -179,7 +180,22 @@ class Device(Board):
     def due(self, pending: bytes) -> int | None:
         return 1 if pending else None  # each byte is echoed as it arrives
 
+    def together(self, pending: bytes) -> int:
+        if self._hear != self._hear_line:
+            return 1
+        ends = [place for place in map(pending.find, (ABORT, RETURN)) if place >= 0]
+        return max(
+            1, min(ends, default=len(pending))
+        )  # it does nothing until then, and the echo has the speed of before
+
     def feed(self, data: bytes) -> None:
+        if len(data) > 1 and self._hear == self._hear_line and not {ABORT, RETURN} & {*data} and not self._paced:
+            self._hear_line(data[0])
+            if not self.hits:
+                self._replies[-1].data = data
+                self._line += data[1 : self.given["line-limit"] + 2 - len(self._line)]
+                return
+            data = data[1:]
         for byte in data:
             self._hear(byte)
 

@@ -550,12 +550,15 @@ class Line(Cable):
     def _hand_over(self, data: bytes) -> None:
         """The same with bytes that take no time on the wire, and come alone."""
         device = self.device
+        behind = device.now != self._present()
         while data:
-            count = (device.due(data) if len(data) > 1 else 1) or len(data)
+            count = (device.together(data) if len(data) > 1 else 1) or len(data)
             part, data = data[:count], data[count:]
-            device.advance(max(device.now, self._present()))
+            if behind:
+                device.advance(max(device.now, self._present()))
             device.feed(part)
             self._collect()
+            behind = True  # a request may have set something off
 
     def _collect(self) -> None:
         """Takes the replies of the device and puts those that are due on the wire."""

@@ -207,6 +207,10 @@ class Model:
         """
         return 1 if pending else None
 
+    def together(self, pending: bytes) -> int | None:
+        """The same of bytes that all come at one moment."""
+        return self.due(pending)
+
     def take(self) -> list[Reply]:
         """The replies made since the last call; some may be due in the future."""
         if replies := self._replies:

@@ -52,6 +52,13 @@ class Finger(Servo):
     def moving(self) -> bool:
         return self.target is not None and self.position != self.target and not self.blocked
 
+    @property
+    def rests(self) -> bool:
+        """Whether time changes nothing."""
+        goal = self.rest_force if self.force_goal is None else self.force_goal
+        arrived = (self.target is None or self.position == self.target) and not self.pressing
+        return arrived and self.force == goal and self.temperature == self.ambient
+
     def current(self) -> float:
         if self.target is None or self.position == self.target:
             return float(self.rest_current)
@@ -143,7 +150,8 @@ class Hand:
     def _run(self, seconds: float) -> None:
         if seconds > 0.0:
             for finger in self.both:
-                finger.run(seconds)
+                if not finger.rests:
+                    finger.run(seconds)
 
     def _aim(self, pose: tuple[int, int, int, int, int, int]) -> None:
         for finger, target in zip(self.both, pose, strict=True):
