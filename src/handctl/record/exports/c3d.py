@@ -17,7 +17,7 @@ from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
 from itertools import accumulate, repeat
 from math import inf, isnan
-from operator import itemgetter
+from operator import itemgetter, le, lt
 from typing import IO, TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
@@ -105,6 +105,7 @@ class Frames:
         self.written = self.holes = 0
         self._export, self._rate, self._most = export, rate, most
         self._linear = [bool(channel.unit) for channel in export.log.channels]
+        self._whole = [channel.decimals is not None for channel in export.log.channels]
         self._residuals = range(3, 4 * len(angles), 4)
         analog, points = 4 * len(angles), {column: 4 * at for at, column in enumerate(angles)}
         self._places = [
@@ -148,11 +149,10 @@ class Frames:
         most = min(self._most, int((ends[-1] - begin) * rate) + 2)
         while frames := range(self.written, min(most, self.written + PIECE)):
             moments = [begin + frame / rate for frame in frames]
-            before = list(map(bisect_right, repeat(ends), moments))
-            some = bisect_left(before, len(utc))
-            if not some:
+            moments = moments[: bisect_left(moments, ends[-1])]
+            if not moments:
                 return
-            moments, before = moments[:some], before[:some]
+            before = _before(moments, ends)
             pick = _getter(before)
             parts = [
                 (moment - earlier) / (time - earlier) if time > earlier else 0.0
@@ -172,12 +172,12 @@ class Frames:
         wide, count = self._wide, struct.Struct(f"<{len(way.before)}f")
         frame, missing = [VALID] * (wide - 1) + [1.0], set(way.holes)
         varying: list[tuple[memoryview[float], int]] = []
-        for column, linear, places in zip(rows, self._linear, self._places, strict=True):
+        for column, linear, whole, places in zip(rows, self._linear, self._whole, self._places, strict=True):
             if constant(column):
                 for place in places:
                     frame[place] = column[0] + 0.0
             else:
-                values = memoryview(count.pack(*way.values(column, missing, linear=linear))).cast("f")
+                values = memoryview(count.pack(*way.values(column, missing, linear=linear, whole=whole))).cast("f")
                 varying += [(values, place) for place in places]
         data = bytearray(struct.pack(f"<{wide}f", *frame) * len(way.before))
         frames = memoryview(data).cast("f")
@@ -195,10 +195,19 @@ class Frames:
         self.holes += len(missing)
 
 
+def _before(moments: Sequence[float], ends: Sequence[float]) -> Sequence[int]:
+    """For each moment the first row that ends after it; mostly they follow each other, which is quicker to see than to look for each."""
+    first = bisect_right(ends, moments[0])
+    follow = range(first, first + len(moments))
+    later = ends[first : follow.stop]
+    if len(later) == len(moments) and all(map(le, later, moments[1:])) and all(map(lt, moments, later)):
+        return follow
+    return list(map(bisect_right, repeat(ends), moments))
+
+
 def _getter(places: Sequence[int]) -> itemgetter[Any]:
     """What takes the items at these places, and perhaps one more; without a look at each where they follow each other."""
-    first, last = places[0], places[0] + len(places)
-    return itemgetter(slice(first, last)) if places == list(range(first, last)) else itemgetter(*places, 0)
+    return itemgetter(slice(places.start, places.stop)) if isinstance(places, range) else itemgetter(*places, 0)
 
 
 class Way:
@@ -207,19 +216,21 @@ class Way:
     def __init__(self, before: Sequence[int], parts: Sequence[float], holes: Sequence[int]) -> None:
         self.before, self.holes = before, holes
         near = [row if part < 0.5 else row + 1 for row, part in zip(before, parts, strict=True)]
-        self._before, self._after = _getter(before), _getter([row + 1 for row in before])
+        follow = isinstance(before, range)
+        after = range(before[0] + 1, before[-1] + 2) if follow else [row + 1 for row in before]
+        self._before, self._after = _getter(before), _getter(after)
         self._near = itemgetter(*near, 0)
         self._parts = parts
 
-    def values(self, column: Sequence[float], missing: set[int], *, linear: bool) -> list[float]:
-        """Those of a column; the frames for which it has none are added to `missing`."""
+    def values(self, column: Sequence[float], missing: set[int], *, linear: bool, whole: bool) -> list[float]:
+        """Those of a column; the frames for which it has none are added to `missing`. `whole`: it has all."""
         values = []
         if linear:
             values = [
                 a + (b - a) * part
                 for a, b, part in zip(self._before(column), self._after(column), self._parts, strict=False)
             ]
-            if not isnan(sum(column)):
+            if whole or not isnan(sum(column)):
                 return values
         near = [value or 0.0 for value in self._near(column)[:-1]]
         values = [a if isnan(b) else b for a, b in zip(near, values, strict=True)] if linear else near
