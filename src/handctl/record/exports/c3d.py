@@ -222,9 +222,9 @@ class Way:
         self._near = itemgetter(*near, 0)
         self._parts = parts
 
-    def values(self, column: Sequence[float], missing: set[int], *, linear: bool, whole: bool) -> list[float]:
+    def values(self, column: Sequence[float], missing: set[int], *, linear: bool, whole: bool) -> Sequence[float]:
         """Those of a column; the frames for which it has none are added to `missing`. `whole`: it has all."""
-        values = []
+        values: list[float] = []
         if linear:
             values = [
                 a + (b - a) * part
@@ -232,7 +232,10 @@ class Way:
             ]
             if whole or not isnan(sum(column)):
                 return values
-        near = [value or 0.0 for value in self._near(column)[:-1]]
+        picked: Sequence[float] = self._near(column)[:-1]
+        if whole:
+            return picked
+        near = [value or 0.0 for value in picked]
         values = [a if isnan(b) else b for a, b in zip(near, values, strict=True)] if linear else near
         for at in [at for at, value in enumerate(values) if isnan(value)] if isnan(sum(values)) else ():
             values[at] = 0.0
