@@ -220,6 +220,52 @@ def test_mcap(log: Path) -> None:
     assert json.loads(about.metadata["log"])["rows"] == 250
 
 
+def test_mcap_reads_every_spelling_of_a_number_back(tmp_path: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    path, spellings = tmp_path / "a.csv", ["", "007", "-0.50", "1_0", "+4", ".5", "5.", "1e3", "12.0"]
+    assert run("wrist", "log", path, "--count", len(spellings), "-p", "fake://wrist?clock=virtual").code == 0
+    head, *lines = path.read_bytes().decode().removesuffix("\r\n").split("\r\n")
+    rows = [line.split(",") for line in lines]
+    for row, text in zip(rows, spellings, strict=True):
+        row[1], row[6], row[7] = f"00{row[1]}", text, "12.50"
+    path.write_bytes("\r\n".join([head, *map(",".join, rows), ""]).encode())
+    out = tmp_path / "a.mcap"
+    assert run("wrist", "export", path, "--to", "mcap", "-o", out).code == 0
+    with out.open("rb") as file:
+        said = [json.loads(message.data) for _, _, message in reader.make_reader(file).iter_messages()]
+    names = head.split(",")
+    assert [one[names[6]] for one in said] == [float(text) if text else None for text in spellings]
+    for number, name in enumerate(names[:6]):
+        assert [one[name] for one in said] == [float(row[number]) for row in rows], name
+    assert {one[names[7]] for one in said} == {12.5} and {one["mark"] for one in said} == {""}
+
+
+def test_a_damaged_mcap_is_noticed_by_readers_that_ask_for_no_checksum(log: Path) -> None:
+    reader, zstandard = pytest.importorskip("mcap.reader"), pytest.importorskip("zstandard")
+    out, _ = exported(log, "mcap")
+    data = bytearray(out.read_bytes())
+    with out.open("rb") as file:
+        (chunk,) = reader.make_reader(file).get_summary().chunk_indexes
+    data[chunk.chunk_start_offset + chunk.chunk_length - 9] ^= (
+        1  # in the last block, before the four bytes of the checksum
+    )
+    out.write_bytes(data)
+    with out.open("rb") as file, pytest.raises(zstandard.ZstdError):
+        list(reader.make_reader(file, validate_crcs=False).iter_messages())
+
+
+def test_rows_and_marks_are_on_the_clock_fit_of_the_sidecar(log: Path) -> None:
+    reader = pytest.importorskip("mcap.reader")
+    segments: list[dict[str, Any]] = json.loads(Path(f"{log}.json").read_text())["segments"]
+    _edit(log, segments=[segments[0] | {"clock_fit": segments[0]["clock_fit"] | {"a_s": 0.25}}, segments[1]])
+    out, _ = exported(log, "mcap")
+    with out.open("rb") as file:
+        found = list(reader.make_reader(file).iter_messages())
+    times = {(channel.topic, message.sequence): message.log_time for _, channel, message in found}
+    gap = next(message for _, channel, message in found if b'"gap"' in message.data)
+    assert gap.log_time == times["/ekso/data", 101]
+
+
 # -- bids -----------------------------------------------------------------------------------------------------------------
 
 

@@ -1,4 +1,5 @@
-"""One pass through a recording: its segments with the fit of the two clocks, breaks, gaps and marks. Computed from the rows, not read from the sidecar.
+"""One pass through a recording: its segments with the fit of the two clocks, breaks, gaps and marks. Computed from the rows, not read
+from the sidecar; only who times the rows by the sidecar's fits gives them, so that marks and rows are on one line.
 
     host = the host's clock at a segment's first row + a + b * (t_s - t_s of that row)
 
@@ -18,7 +19,7 @@ from typing import Any, NamedTuple
 from handctl.model.device_clock import WITHIN_MS, Moment
 from handctl.record import timeline
 from handctl.record.csv_columns import MARK
-from handctl.record.log_reader import LATEST_S, Block, LogFile, damaged
+from handctl.record.log_reader import LATEST_S, Block, LogFile, as_written, damaged
 from handctl.record.timeline import Place
 
 NOTE = re.compile(r"\[(port lost|reboot|clocks [^]]*|gap [0-9]{1,9}[.][0-9]{3} s)\](?:; |$)")
@@ -35,6 +36,15 @@ class ClockLine(NamedTuple):
     t_ms: int
     a: float = 0.0
     b: float = 1.0
+
+    @classmethod
+    def of(cls, fit: Mapping[str, float] | None, utc_s: float, t_ms: int) -> ClockLine:
+        """That of a fit as `ClockFit.as_row` has it; without one the clocks run alike."""
+        return cls(utc_s, t_ms, fit["a_s"], fit["b"]) if fit else cls(utc_s, t_ms)
+
+    def as_fit(self) -> dict[str, float]:
+        """Its part of `ClockFit.as_row`."""
+        return {"a_s": self.a, "b": self.b}
 
     def utc_of(self, t_ms: int) -> float:
         """The host's time, seconds since 1970."""
@@ -62,6 +72,7 @@ class Segment(timeline.Segment):
     utc_s     the host's time of its first row, seconds since 1970
     pause_s   since the last row of the segment before, by the host
     apart_ms  the most by which device and host contradict each other within it
+    said      its fit as the sidecar has it, None = the rows are asked for it, and how far the clocks part
     """
 
     utc_s: float = 0.0
@@ -69,9 +80,17 @@ class Segment(timeline.Segment):
     notes: tuple[str, ...] = ()
     gaps: int = 0
     apart_ms: float = 0.0
+    said: Mapping[str, float] | None = None
 
     def read(self, t_ms: Sequence[int], mono: Sequence[float], rtt: Sequence[float], *, clocked: bool) -> None:
         """Take rows that follow each other."""
+        if self.said is None:
+            self._compare(t_ms, mono, rtt, clocked=clocked)
+        self.rows += len(mono)
+        self.last = Place(None, Moment(mono[-1] - rtt[-1] / 2000, mono[-1] + rtt[-1] / 2000), t_ms[-1], self.number)
+
+    def _compare(self, t_ms: Sequence[int], mono: Sequence[float], rtt: Sequence[float], *, clocked: bool) -> None:
+        """Fit the clocks, and find by how much they part."""
         begin, at = self.first.t_ms, self.first.mono_s
         times = [ms - begin for ms in t_ms]
         sent = [(middle - trip / 2000) * 1000 - ms for ms, middle, trip in zip(times, mono, rtt, strict=True)]
@@ -81,8 +100,6 @@ class Segment(timeline.Segment):
             self._contradicted(sent, answered, top, low)
             self.fit.extend([ms / 1000 for ms in times], [middle - at for middle in mono])
         self.sent_most, self.answered_least = max(self.sent_most, top), min(self.answered_least, low)
-        self.rows += len(sent)
-        self.last = Place(None, Moment(mono[-1] - rtt[-1] / 2000, mono[-1] + rtt[-1] / 2000), t_ms[-1], self.number)
 
     def _contradicted(self, sent: Sequence[float], answered: Sequence[float], top: float, low: float) -> None:
         """Find the most by which these rows contradict those before them. What shows no more than is known needs no look at each."""
@@ -101,10 +118,14 @@ class Segment(timeline.Segment):
             self.apart_ms = max([self.apart_ms, *offs], key=abs)
 
     @property
+    def clock_fit(self) -> Mapping[str, float] | None:
+        """That of the sidecar, or of all rows that were read; None without two moments."""
+        return self.said or self.fit.as_row()
+
+    @property
     def line(self) -> ClockLine:
-        """The fit of all rows that were read."""
-        fit = self.fit.as_row()
-        return ClockLine(self.utc_s, self.first.t_ms, *((fit["a_s"], fit["b"]) if fit else ()))
+        """The clock fit from its first row."""
+        return ClockLine.of(self.clock_fit, self.utc_s, self.first.t_ms)
 
     @property
     def ends(self) -> tuple[float, float]:
@@ -122,7 +143,7 @@ class Segment(timeline.Segment):
         return {
             "segment": self.number, "first_row": self.first_row, "rows": self.rows, "begins": list(self.notes),
             "t_s": [self.first.t_ms / 1000, self.last.t_ms / 1000], "host_utc_s": self.utc_s,
-            "host_mono_s": round(self.first.mono_s, 6), "clock_fit": self.fit.as_row(), "gaps": self.gaps,
+            "host_mono_s": round(self.first.mono_s, 6), "clock_fit": self.clock_fit, "gaps": self.gaps,
         }  # fmt: skip
 
 
@@ -144,18 +165,22 @@ class Survey:
 def survey(log: LogFile) -> Survey:
     """Read the log once. Raises UsageError as its `blocks` do, and for one without rows."""
     reading = Surveyor(log)
-    for block in log.blocks(None):
+    for block in log.blocks(as_written):
         reading.take({number: block.of(number) for number in sorted(set(block.segments))})
     reading.end()
     return reading.found
 
 
 class Surveyor:
-    """Makes a survey of the blocks that somebody reads; `found` grows with them, and has its events at the end."""
+    """Makes a survey of the blocks that somebody reads; `found` grows with them, and has its events at the end.
 
-    def __init__(self, log: LogFile) -> None:
+    Where the `fits` of the segments are given the rows are not asked for them.
+    """
+
+    def __init__(self, log: LogFile, fits: Mapping[int, Mapping[str, float]] | None = None) -> None:
         self.found = Survey(log.clocked)
         self._log = log
+        self._fits = fits or {}
         self._said: Sequence[Mapping[str, Any]] = (log.sidecar or {}).get("marks") or []
         self._heard = {one.get("row"): one.get("heard") for one in self._said}
         self._marked: list[tuple[int, int, int, float, list[str], str]] = []
@@ -171,6 +196,7 @@ class Surveyor:
                 before = self.found.segments.get(number - 1)
                 pause = mono[0] - before.last.mono_s if before else 0.0
                 segment = Segment(number, self._row, first, None, first, utc_s=utc[0], pause_s=pause)
+                segment.said = self._fits.get(number)
                 self.found.segments[number] = segment
             segment.read(part.t_ms, mono, rtt, clocked=self.found.clocked)
             marks = part.columns[MARK]

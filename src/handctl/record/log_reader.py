@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import compress, islice
 from math import isfinite, nan
+from operator import itemgetter
 from typing import Any, BinaryIO, NamedTuple
 
 from handctl.errors import Hint, UsageError
@@ -73,9 +74,9 @@ class Known(dict[Any, Any]):
         made = self[value] = self._make(value)
         return made
 
-    def of(self, column: Sequence[Any]) -> list[Any]:
+    def of(self, column: Sequence[Any]) -> tuple[Any, ...]:
         """That of a column."""
-        return [self[column[0]]] * len(column) if constant(column) else list(map(self.__getitem__, column))
+        return (self[column[0]],) * len(column) if constant(column) else itemgetter(*column)(self)
 
 
 class Meanings(Known):
@@ -86,19 +87,23 @@ class Meanings(Known):
 
 
 class Checked(set[bytes]):
-    """The texts that `read` takes: what they say is not asked, which is quicker. Raises ValueError as `read`."""
+    """The texts that `say` leaves as they are, which is most of them: only others are replaced, so none is asked for. Raises ValueError as `say`."""
 
-    def __init__(self, read: Callable[[str], Any]) -> None:
+    def __init__(self, say: Callable[[str], bytes]) -> None:
         super().__init__()
-        self._read = read
+        self._say = say
 
-    def of(self, texts: Sequence[bytes]) -> list[Any]:
-        """Nothing, once all of a column are right."""
-        if not self.issuperset(texts[:1] if constant(texts) else texts):
-            for text in set(texts).difference(self):
-                self._read(text.decode())
+    def of(self, texts: Sequence[bytes]) -> Sequence[bytes]:
+        """What is said for a column."""
+        if self.issuperset(texts[:1] if constant(texts) else texts):
+            return texts
+        others: dict[bytes, bytes] = {}
+        for text in set(texts).difference(self):
+            if (said := self._say(text.decode())) == text:
                 self.add(text)
-        return []
+            else:
+                others[text] = said
+        return list(map(others.get, texts, texts)) if others else texts
 
 
 def forget(tables: Iterable[Known | Checked]) -> None:
@@ -108,9 +113,14 @@ def forget(tables: Iterable[Known | Checked]) -> None:
             table.clear()
 
 
-def a_number(_: Channel, __: str, number: float) -> float:
+def a_number(_: str, number: float) -> float:
     """What a text says in most cases: its number."""
     return number
+
+
+def as_written(text: str, _: float) -> bytes:
+    """What it says where it is only checked: itself."""
+    return text.encode()
 
 
 def number_of(text: str) -> float:
@@ -172,7 +182,7 @@ class LogFile:
         self.sidecar = _load_sidecar(f"{path}.json", schema(kind))
         self.cut = False
         """True when an unfinished last row was left out."""
-        self._say: Callable[[Channel, str, float], Any] | None = None
+        self._say: Callable[[str, float], Any] = a_number
         self._tables: dict[object, Meanings | Checked] = {}
         with opened(path, "a log", hint=Hint("{} makes one", f"{kind} log {path}")) as file:
             header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
@@ -230,13 +240,15 @@ class LogFile:
             return None
 
     @property
-    def fits(self) -> dict[int, tuple[float, float]] | None:
-        """a and b of the clock fit by segment as the sidecar of a closed log has them, without those that have none; None as with `spans`."""
+    def fits(self) -> dict[int, dict[str, float]] | None:
+        """The clock fit by segment as the sidecar of a closed log has it, without those that have none; None as with `spans`."""
         if self.sidecar is None or self.spans is None:
             return None
         try:
             said = {int(one["segment"]): one["clock_fit"] for one in self.sidecar["segments"]}
-            return {number: (float(fit["a_s"]), float(fit["b"])) for number, fit in said.items() if fit}
+            return {
+                number: fit | {"a_s": float(fit["a_s"]), "b": float(fit["b"])} for number, fit in said.items() if fit
+            }
         except (LookupError, TypeError, ValueError):
             return None
 
@@ -258,10 +270,10 @@ class LogFile:
             code="segment",
         )
 
-    def blocks(self, say: Callable[[Channel, str, float], Any] | None = a_number) -> Iterator[Block]:
+    def blocks(self, say: Callable[[str, float], Any] = a_number) -> Iterator[Block]:
         """All rows, some hundred at a time, each checked. Raises UsageError with the number of the line.
 
-        `say` is what a text of a channel becomes in `Block.known`; None = the channels are only checked.
+        `say` is what a text of a channel becomes in `Block.known`: `a_number`, or bytes that mostly are the text itself.
         """
         self._say, self._tables = say, {}
         count = 0
@@ -345,12 +357,11 @@ class LogFile:
         return True
 
     def _table(self, channel: Channel) -> Meanings | Checked:
-        """What the texts of a channel say: channels that are read in one way share it, unless each says it in its own."""
+        """What the texts of a channel say: channels that are read in one way share it."""
         read, say = self.reader(channel.column), self._say
-        kind = channel.column if say not in (None, a_number) else read
-        if kind not in self._tables:
-            self._tables[kind] = Checked(read) if say is None else Meanings(lambda text: say(channel, text, read(text)))
-        return self._tables[kind]
+        if read not in self._tables:
+            self._tables[read] = Meanings(read) if say is a_number else Checked(lambda text: say(text, read(text)))
+        return self._tables[read]
 
     def reader(self, column: str) -> Callable[[str], float]:
         """What makes a text of a channel its number, or raises ValueError."""

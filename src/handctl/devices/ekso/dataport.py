@@ -280,6 +280,8 @@ class DataPort(Line):
         self.sent_at = self.link.now()
         self.link.write(request, deadline)
         self.journal.counters.sent += 1
+        if not row.writes:
+            self.request(command, body)  # most likely the next one: made while the line works, and remembered
         return request, deadline
 
     def request(self, command: Command, body: bytes = b"") -> bytes:

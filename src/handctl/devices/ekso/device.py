@@ -202,13 +202,15 @@ class Ekso(Device):
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
-        found: dict[str, list[Reading] | HandctlError] = {}
+        found: dict[str, Found] = {}
         with self.keep_partial(lambda: _picked(elements, found)):
             messages = dict.fromkeys(_word(element).message for element in elements)
             known = self._lacking if messages.keys() - self._lacking.keys() else {}
             for message in messages:
                 try:
-                    found[message] = known.get(message) or self.readings(message)
+                    found[message] = known.get(message) or (
+                        self.words(message) if message in MESSAGES else self.readings(message)
+                    )
                 except (NoAnswer, ProtocolError) as exc:
                     found[message] = exc
         errors = [entry for entry in found.values() if isinstance(entry, HandctlError)]
@@ -216,7 +218,7 @@ class Ekso(Device):
             raise errors[0]
         return _picked(elements, {message: self._judged(message, one) for message, one in found.items()})
 
-    def _judged(self, message: str, found: list[Reading] | HandctlError) -> list[Reading] | HandctlError:
+    def _judged(self, message: str, found: Found) -> Found:
         """NotPresent, from now on, for a message that alone is silent, or only acknowledged."""
         if isinstance(found, NoAnswer | ProtocolError) and found.code in OPEN and self.port.lacks(READS[message]):
             found = self._lacking[message] = NotPresent.shown_by(found)
@@ -434,13 +436,19 @@ def _unread(params: Sequence[Word], error: HandctlError) -> list[Reading]:
     return [Reading(Element(param, 0), None, b"", error) for param in params]
 
 
-def _picked(elements: Sequence[Element], found: Mapping[str, list[Reading] | HandctlError]) -> list[Reading]:
-    """The readings of these elements in whole messages; of one that was not read, why."""
+Found = tuple[int, ...] | list[Reading] | HandctlError
+"""A whole message: its words as raw integers, of a clock its reading, or why it was not read."""
+
+
+def _picked(elements: Sequence[Element], found: Mapping[str, Found]) -> list[Reading]:
+    """The readings of these elements: only theirs are made, for the line waits for the next request meanwhile."""
     readings = []
     for element in elements:
         param = _word(element)
         message = found.get(param.message)
-        if isinstance(message, list):
+        if isinstance(message, tuple):
+            readings.append(_reading(param, message[param.word]))
+        elif isinstance(message, list):
             readings.append(message[param.word])
         else:
             readings.append(Reading(element, None, b"", message or HandctlError("not read")))

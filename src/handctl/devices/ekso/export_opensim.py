@@ -26,7 +26,7 @@ from handctl.errors import UsageError
 from handctl.files import Spool
 from handctl.record.clock_survey import survey
 from handctl.record.csv_columns import MARK, clean, quoted
-from handctl.record.log_reader import Known, Span, forget
+from handctl.record.log_reader import Known, Span, as_written, forget
 from handctl.record.timeline import GAP_PERIODS, LEAST_PERIOD_MS
 from handctl.wording import plural
 
@@ -145,7 +145,7 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
     if (spans := log.spans) is not None:
         _refuse(log, spans, segment)  # before hours are read
     spans, points, begun = {}, Points(), ""
-    for block in log.blocks(None):
+    for block in log.blocks(as_written):
         for number in sorted(set(block.segments)):
             part = block.of(number)
             span = spans.setdefault(number, Span(part.t_ms[0], 0, 0))
@@ -156,8 +156,8 @@ def _points(log: LogFile, segment: int | None, knee_sign: int) -> tuple[Points, 
                 points.take([t_ms - span.begin for t_ms in part.t_ms], values)
                 begun = begun or part.columns["host_utc_s"][0].decode()
     _refuse(log, spans, segment)
-    fits = log.fits if log.fits is not None else {n: one.line[2:] for n, one in survey(log).segments.items()}
-    clock = "host UTC in s is {} + {:.6f} + {:.9f} * time".format(begun, *fits[wanted]) if wanted in fits else ""
+    fits = log.fits if log.fits is not None else {n: one.line.as_fit() for n, one in survey(log).segments.items()}
+    clock = "host UTC in s is {} + {a_s:.6f} + {b:.9f} * time".format(begun, **fits[wanted]) if wanted in fits else ""
     return points, wanted, clock
 
 
@@ -214,7 +214,7 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
     if not as_rows:
         spool.take([",".join(names) + "\r"])
     first = last = None
-    for whole in log.blocks(None):
+    for whole in log.blocks(as_written):
         if segment is not None and segment not in whole.segments:
             continue
         block = whole.of(segment)

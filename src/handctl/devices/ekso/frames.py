@@ -18,7 +18,7 @@ import re
 import struct
 from collections.abc import Callable, Iterator
 from enum import IntEnum
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
@@ -140,6 +140,7 @@ def _crc_function() -> Callable[[bytes], int]:
     return function
 
 
+@lru_cache(maxsize=4)
 def encode(command: Command, msg_id: int, body: bytes = b"", mode: str = "body") -> bytes:
     """A request. Raises UsageError for a command, a msgID, a size or a length convention that does not exist."""
     if command not in EXCHANGES or len(body) != EXCHANGES[command].asks:

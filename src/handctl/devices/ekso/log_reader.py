@@ -127,7 +127,7 @@ class LogFile(log_reader.LogFile):
         words = [list(map(int, block.columns[name])) for name in names[names.index(MARK) + 1 :]]
         for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True):
             numbers = self.numbers(quantity).of(block.columns[column])
-            if list(map(quantity.raw_of, words[quantity.word])) != numbers:
+            if tuple(map(quantity.raw_of, words[quantity.word])) != numbers:
                 return False
         return list(map(boot_ms, zip(*words, strict=True))) == integers(b"\n".join(block.columns["boot_ms"]))
 

@@ -2,7 +2,8 @@
 
     blocks    the rows, each with the host's time by the fit; no writer holds them all
     survey    segments, clock fit, breaks, marks: after `blocks`, which finds them on its way. Asked before it, it costs a pass
-              of its own; so does a log that was never closed, for its sidecar has no fit
+              of its own; so does a log that was never closed, for its sidecar has no fit. A closed one has the fits that its
+              recorder made, which is then that of rows, marks and ends alike; `log --check` compares it with the rows
 
 A writer is `write(export)`; it raises OSError where the disk fails. What it needs of other packages is imported there alone.
 """
@@ -10,7 +11,7 @@ A writer is `write(export)`; it raises OSError where the disk fails. What it nee
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
@@ -20,7 +21,7 @@ from handctl.errors import UsageError
 from handctl.files import writing
 from handctl.model.export_formats import FORMATS
 from handctl.record.clock_survey import ClockLine, Event, Survey, Surveyor, survey
-from handctl.record.log_reader import Block, Channel, LogFile, a_number
+from handctl.record.log_reader import Block, LogFile, a_number
 
 
 @dataclass
@@ -89,14 +90,15 @@ class Export:
         return len(self.segments) == 1 and not self.survey.segments[self.segments[0]].gaps
 
     def blocks(
-        self, say: Callable[[Channel, str, float], Any] | None = a_number, *, surveyed: bool = True
+        self, say: Callable[[str, float], Any] = a_number, *, surveyed: bool = True
     ) -> Iterator[tuple[int, Block, Sequence[float]]]:
         """The rows: segment, rows of it, and the host's time of each by the clock fit, seconds since 1970.
 
         `say` as in `LogFile.blocks`; `surveyed`: the writer asks for the survey afterwards.
         """
         self.rows, lines = 0, dict[int, ClockLine]()
-        first, reading, _ = None, Surveyor(self.log), self._fits
+        first, fits = None, self._fits
+        reading = Surveyor(self.log, fits)
         finding = surveyed and not self.surveyed
         if finding:
             self.survey = reading.found
@@ -108,8 +110,8 @@ class Export:
                 if self.segment not in (None, number):
                     continue
                 if number not in lines:
-                    lines[number] = ClockLine(block.floats("host_utc_s")[0], block.t_ms[0], *self._fits.get(number, ()))
-                utc = lines[number].all_utc(block.t_ms) if number in self._fits else block.floats("host_utc_s")
+                    lines[number] = ClockLine.of(fits.get(number), block.floats("host_utc_s")[0], block.t_ms[0])
+                utc = lines[number].all_utc(block.t_ms) if number in fits else block.floats("host_utc_s")
                 self.rows += len(utc)
                 first = utc[0] if first is None else first
                 self.seconds = round(utc[-1] - first, 3)
@@ -124,17 +126,12 @@ class Export:
         """Whether the survey is there already, or is being made."""
         return "survey" in self.__dict__
 
-    def refitted(self) -> bool:
-        """Take the clock fits from the survey from now on. Returns whether they are others than `blocks` took from the sidecar."""
-        before = self.__dict__.pop("_fits", None)
-        return before is not None and before != self._fits
-
     @cached_property
-    def _fits(self) -> dict[int, tuple[float, float]]:
-        """a and b by segment: from the sidecar, which spares a pass, or from the rows."""
+    def _fits(self) -> Mapping[int, Mapping[str, float]]:
+        """The clock fit by segment: from the sidecar, which spares a pass, or from the rows."""
         if not self.surveyed and (said := self.log.fits) is not None:
             return said
-        return {number: one.line[2:] for number, one in self.survey.segments.items() if one.fit.count}
+        return {number: one.line.as_fit() for number, one in self.survey.segments.items() if one.fit.count}
 
     def about(self) -> dict[str, Any]:
         """What the file says of its origin: the tool, and the log's own sidecar with the fit of each segment; without one, the fits."""

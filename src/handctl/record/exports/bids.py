@@ -20,6 +20,7 @@ from handctl.errors import UsageError
 from handctl.record.clock_survey import BREAK, GAP
 from handctl.record.csv_columns import clean
 from handctl.record.exports import name_of
+from handctl.record.log_reader import as_written
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
@@ -104,7 +105,7 @@ def _rows(export: Export, files: str) -> None:
     """The rows of each run, as recorded, without a header: the channels file is it. `files` is their name, for the number."""
     names = [*_lead(export), *(channel.column for channel in export.log.channels)]
     begins, missing = dict[int, float](), NONE.encode()
-    for number, block, utc in export.blocks(None):
+    for number, block, utc in export.blocks(as_written):
         begin = begins.setdefault(number, utc[0])
         columns: list[Sequence[bytes]] = [[b"%.6f" % (time - begin) for time in utc]]
         for name in names:

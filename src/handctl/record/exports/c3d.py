@@ -12,15 +12,17 @@ from __future__ import annotations
 import shutil
 import struct
 import tempfile
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from datetime import datetime, timezone
-from itertools import islice, repeat
+from itertools import accumulate, repeat
 from math import inf, isnan
-from operator import itemgetter
-from typing import IO, TYPE_CHECKING
+from operator import itemgetter, le, lt
+from typing import IO, TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
 from handctl.files import atomic_write
+from handctl.record.log_reader import constant
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -39,7 +41,6 @@ RECORDED = "recorded"
 VALID, INVALID = 0.0, -1.0
 PIECE = 1000
 """Frames that are made at once."""
-Place = tuple[int, int, float]
 
 
 def write(export: Export) -> None:
@@ -63,7 +64,7 @@ def write(export: Export) -> None:
         frames = Frames(export, rate, angles, _count(export, rate) if export.surveyed else MOST_FRAMES)
         frames.write(file)
         count = _count(export, rate)
-        if count < frames.written or export.refitted():  # the fit of the rows is not the sidecar's
+        if count < frames.written:  # this computer's clock fell back
             file.seek(0)
             file.truncate()
             frames = Frames(export, rate, angles, count)
@@ -87,7 +88,7 @@ def write(export: Export) -> None:
 def _count(export: Export, rate: float) -> int:
     """How many frames there are. Raises UsageError."""
     begin, end = export.ends
-    count = int((end - begin) * rate + 1e-6) + 1
+    count = int(max(0.0, end - begin) * rate + 1e-6) + 1
     if count > MOST_FRAMES:
         raise UsageError(
             f"{export.log.path} covers {end - begin:.0f} s, which is too long for a C3D file",
@@ -102,10 +103,17 @@ class Frames:
 
     def __init__(self, export: Export, rate: float, angles: Sequence[int], most: int) -> None:
         self.written = self.holes = 0
-        self._export, self._rate, self._angles, self._most = export, rate, angles, most
+        self._export, self._rate, self._most = export, rate, most
         self._linear = [bool(channel.unit) for channel in export.log.channels]
-        self._wide = 4 * len(angles) + len(self._linear) + 1
-        self._begin = self._time = 0.0
+        self._whole = [channel.decimals is not None for channel in export.log.channels]
+        self._residuals = range(3, 4 * len(angles), 4)
+        analog, points = 4 * len(angles), {column: 4 * at for at, column in enumerate(angles)}
+        self._places = [
+            (analog + at, points[at]) if at in points else (analog + at,) for at in range(len(self._linear))
+        ]
+        """Where in a frame each column is."""
+        self._wide = analog + len(self._linear) + 1
+        self._begin, self._time = 0.0, inf
         self._last: list[float] = []
         """The numbers of the row before, at `_time`."""
         self._done: dict[int, int] = {}
@@ -116,84 +124,122 @@ class Frames:
         for number, block, utc in self._export.blocks():
             columns = [block.floats(channel.column) for channel in self._export.log.channels]
             if not self._last:
-                self._begin = utc[0]
-            self._take(file, columns, self._places(number, utc))
+                self._begin, self._last = utc[0], [column[0] for column in columns]
+            rows = [[last, *column] for last, column in zip(self._last, columns, strict=True)]
+            for way in self._ways(number, utc):
+                self._put(file, rows, way)
             self._time, self._last = utc[-1], [column[-1] for column in columns]
 
     def rest(self, file: IO[bytes], count: int) -> None:
         """Those after it: they repeat it."""
-        self._take(file, [()] * len(self._last), repeat((0, 0, 0.0), count - self.written))
+        rows = [[last, last] for last in self._last]
+        while (some := min(count - self.written, PIECE)) > 0:
+            self._put(file, rows, Way([0] * some, [0.0] * some, []))
 
-    def _places(self, number: int, utc: Sequence[float]) -> Iterator[Place | None]:
-        """Where the next frames are among these rows."""
+    def _ways(self, number: int, utc: Sequence[float]) -> Iterator[Way]:
+        """The next frames, as far as these rows go. Each is written before the next are asked for."""
         survey, done = self._export.survey, self._done.get(number, 0)
         row = survey.segments[number].first_row + done
         alone = {gap - row for gap in survey.gap_rows if row <= gap < row + len(utc)} | ({0} if not done else set())
         self._done[number] = done + len(utc)
-        earlier, frame, begin, rate = self._time if self._last else inf, self.written, self._begin, self._rate
-        for at, time in enumerate(utc):
-            while frame < self._most and (moment := begin + frame / rate) < time - 1e-9:
-                frame += 1
-                if at not in alone:
-                    part = (moment - earlier) / (time - earlier) if time > earlier else 0.0
-                    yield at, at + 1, part if 0.0 <= part <= 1.0 else float(part > 1.0)
-                else:
-                    yield (at, at, 0.0) if moment - earlier <= 0.5e-3 / rate else None
-            earlier = time
+        begin, rate, times = self._begin, self._rate, [self._time, *utc]
+        ends = [time - 1e-9 for time in utc]
+        if ends != sorted(ends):
+            ends = list(accumulate(ends, max))
+        most = min(self._most, int((ends[-1] - begin) * rate) + 2)
+        while frames := range(self.written, min(most, self.written + PIECE)):
+            moments = [begin + frame / rate for frame in frames]
+            moments = moments[: bisect_left(moments, ends[-1])]
+            if not moments:
+                return
+            before = _before(moments, ends)
+            pick = _getter(before)
+            parts = [
+                (moment - earlier) / (time - earlier) if time > earlier else 0.0
+                for moment, earlier, time in zip(moments, pick(times), pick(utc), strict=False)
+            ]
+            if not 0.0 <= min(parts) <= max(parts) <= 1.0:
+                parts = [min(max(part, 0.0), 1.0) for part in parts]
+            holes = []
+            for at in [at for at, row in enumerate(before) if row in alone] if alone else ():
+                parts[at] = 0.0
+                if moments[at] - times[before[at]] > 0.5e-3 / rate:
+                    holes.append(at)
+            yield Way(before, parts, holes)
 
-    def _take(self, file: IO[bytes], columns: Sequence[Sequence[float]], places: Iterator[Place | None]) -> None:
-        """Write the frames at these places."""
-        rows = [[column[0] if not self._last else self._last[at], *column] for at, column in enumerate(columns)]
-        angles, wide, nowhere = len(self._angles), self._wide, (0, 0, 0.0)
-        while some := list(islice(places, PIECE)):
-            holes = [at for at, place in enumerate(some) if place is None]
-            way = Way(*zip(*(place or nowhere for place in some), strict=True))
-            there, count = [True] * len(some), struct.Struct(f"<{len(some)}f")
-            data = bytearray(4 * wide * len(some))
-            frames = memoryview(data).cast("f")
-            for place, (column, linear) in enumerate(zip(rows, self._linear, strict=True)):
-                values = way.values(column, there, linear=linear)
-                for at in holes:
-                    values[at] = 0.0
-                packed = memoryview(count.pack(*values)).cast("f")
-                frames[4 * angles + place :: wide] = packed
-                if place in self._angles:
-                    frames[4 * self._angles.index(place) :: wide] = packed
-            for at in holes:
-                there[at] = False
-            residual = memoryview(count.pack(*[VALID if one else INVALID for one in there])).cast("f")
-            for at in range(angles):
-                frames[4 * at + 3 :: wide] = residual
-            frames[wide - 1 :: wide] = memoryview(count.pack(*there)).cast("f")
-            file.write(data)
-            self.written += len(some)
-            self.holes += there.count(False)
+    def _put(self, file: IO[bytes], rows: Sequence[Sequence[float]], way: Way) -> None:
+        """Write these frames. What is the same in all of them is laid out once."""
+        wide, count = self._wide, struct.Struct(f"<{len(way.before)}f")
+        frame, missing = [VALID] * (wide - 1) + [1.0], set(way.holes)
+        varying: list[tuple[memoryview[float], int]] = []
+        for column, linear, whole, places in zip(rows, self._linear, self._whole, self._places, strict=True):
+            if constant(column):
+                for place in places:
+                    frame[place] = column[0] + 0.0
+            else:
+                values = memoryview(count.pack(*way.values(column, missing, linear=linear, whole=whole))).cast("f")
+                varying += [(values, place) for place in places]
+        data = bytearray(struct.pack(f"<{wide}f", *frame) * len(way.before))
+        frames = memoryview(data).cast("f")
+        for values, place in varying:
+            frames[place::wide] = values
+        nothing = memoryview(bytes(4 * wide)).cast("f")
+        for at in way.holes:
+            frames[at * wide : (at + 1) * wide] = nothing
+        for at in missing:
+            for place in self._residuals:
+                frames[at * wide + place] = INVALID
+            frames[(at + 1) * wide - 1] = 0.0
+        file.write(data)
+        self.written += len(way.before)
+        self.holes += len(missing)
+
+
+def _before(moments: Sequence[float], ends: Sequence[float]) -> Sequence[int]:
+    """For each moment the first row that ends after it; mostly they follow each other, which is quicker to see than to look for each."""
+    first = bisect_right(ends, moments[0])
+    follow = range(first, first + len(moments))
+    later = ends[first : follow.stop]
+    if len(later) == len(moments) and all(map(le, later, moments[1:])) and all(map(lt, moments, later)):
+        return follow
+    return list(map(bisect_right, repeat(ends), moments))
+
+
+def _getter(places: Sequence[int]) -> itemgetter[Any]:
+    """What takes the items at these places, and perhaps one more; without a look at each where they follow each other."""
+    return itemgetter(slice(places.start, places.stop)) if isinstance(places, range) else itemgetter(*places, 0)
 
 
 class Way:
-    """Some places: for each frame the rows before and after it, counted from the one before a block, and the part of the way."""
+    """Some frames: for each the row before it, counted from the one before a block, and the part of the way to the next; which are in a hole."""
 
-    def __init__(self, one: Sequence[int], other: Sequence[int], parts: Sequence[float]) -> None:
-        near = [a if part < 0.5 else b for a, b, part in zip(one, other, parts, strict=True)]
-        self._one, self._other, self._near = (itemgetter(*numbers, numbers[0]) for numbers in (one, other, near))
+    def __init__(self, before: Sequence[int], parts: Sequence[float], holes: Sequence[int]) -> None:
+        self.before, self.holes = before, holes
+        near = [row if part < 0.5 else row + 1 for row, part in zip(before, parts, strict=True)]
+        follow = isinstance(before, range)
+        after = range(before[0] + 1, before[-1] + 2) if follow else [row + 1 for row in before]
+        self._before, self._after = _getter(before), _getter(after)
+        self._near = itemgetter(*near, 0)
         self._parts = parts
 
-    def values(self, column: Sequence[float], there: list[bool], *, linear: bool) -> list[float]:
-        """Those of a column; where it has none, `there` becomes False."""
-        if column[0] == column[-1] and column.count(column[0]) == len(column):
-            return [column[0] + 0.0] * len(self._parts)
-        values = []
+    def values(self, column: Sequence[float], missing: set[int], *, linear: bool, whole: bool) -> Sequence[float]:
+        """Those of a column; the frames for which it has none are added to `missing`. `whole`: it has all."""
+        values: list[float] = []
         if linear:
             values = [
                 a + (b - a) * part
-                for a, b, part in zip(self._one(column), self._other(column), self._parts, strict=False)
+                for a, b, part in zip(self._before(column), self._after(column), self._parts, strict=False)
             ]
-            if not isnan(sum(column)):
+            if whole or not isnan(sum(column)):
                 return values
-        near = [value or 0.0 for value in self._near(column)[:-1]]
+        picked: Sequence[float] = self._near(column)[:-1]
+        if whole:
+            return picked
+        near = [value or 0.0 for value in picked]
         values = [a if isnan(b) else b for a, b in zip(near, values, strict=True)] if linear else near
         for at in [at for at, value in enumerate(values) if isnan(value)] if isnan(sum(values)) else ():
-            there[at], values[at] = False, 0.0
+            values[at] = 0.0
+            missing.add(at)
         return values
 
 

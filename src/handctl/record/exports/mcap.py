@@ -6,11 +6,11 @@
 from __future__ import annotations
 
 import json
+import re
 import struct
 import zlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from functools import partial
 from io import BytesIO
 from itertools import accumulate, chain, repeat
 from typing import IO, TYPE_CHECKING, Any
@@ -26,12 +26,13 @@ MAGIC = b"\x89MCAP0\r\n"
 CHUNK = 1 << 20
 HEAD = struct.Struct("<BQHIQQ")
 """Of a message: what it is, length, channel, sequence, log time, publish time."""
-OWN = HEAD.size - 9
-"""Bytes of it that the length counts as well."""
+APART = 9
+"""Bytes of it that the length does not count."""
 NS = 1_000_000_000
-PLAIN = 1 << 32
-"""Below it doubles are closer than 6 decimals are, so that the text without its last zeros is the shortest one."""
-POINT = ord(".")
+LEVEL = -2
+"""Of the compression: with names that repeat in each message the file is about as small at twice the speed of the usual one."""
+NUMBER = re.compile(r"-?(0|[1-9][0-9]*)([.][0-9]+)?([eE][-+]?[0-9]+)?", re.ASCII)
+"""Of JSON."""
 
 
 def write(export: Export) -> None:
@@ -46,18 +47,14 @@ def write(export: Export) -> None:
         data = writer.channel(f"/{log.kind}/data", rows)
         marks = writer.channel(f"/{log.kind}/marks", {"kind": {"type": "string"}, "text": {"type": "string"}, "row": {"type": "integer"}})  # fmt: skip
         writer.metadata("handctl", {key: json.dumps(said) for key, said in export.about().items()})
-        heads = [b"%b%b: " % (b", " if at else b"{", json.dumps(name).encode()) for at, name in enumerate(rows)]
-        head = dict(zip(rows, heads, strict=True))
-        texts = {name: Meanings(partial(_text, head[name])) for name in log.texts}
-        for _, block, utc in export.blocks(lambda one, text, number: head[one.column] + _said(text, number)):
-            columns: list[bytes | Sequence[bytes]] = []
-            for name, decimals in log.lead:
-                columns += [head[name], _plain(block, name, decimals)]
-            columns += [block.known[one.column] for one in log.channels]
-            for name, table in texts.items():
-                columns.append(table.of(block.columns[name]))
-            forget(texts.values())
-            told = _rows([*columns, b"}"], len(utc))
+        heads = [b"%b%b:" % (b"," if at else b"{", json.dumps(name).encode()) for at, name in enumerate(rows)]
+        texts = Meanings(lambda text: json.dumps(text).encode())
+        for _, block, utc in export.blocks(_number):
+            lead = [_plain(block, name, decimals) for name, decimals in log.lead]
+            columns = [*lead, *(block.known[one.column] for one in log.channels)]
+            columns += [texts.of(block.columns[name]) for name in log.texts]
+            forget([texts])
+            told = _rows(heads, columns)
             came = [round(time * NS) for time in block.floats("host_utc_s")]
             asked = [number & 0xFFFFFFFF for number in map(int, block.columns["seq"])]
             writer.add(data, [round(time * NS) for time in utc], told, came, asked)
@@ -79,7 +76,11 @@ class Chunks:
         from mcap.opcode import Opcode
         from zstandard import ZstdCompressor
 
-        self._records, self._opcode, self._compress = records, Opcode, ZstdCompressor().compress
+        self._records, self._opcode, self._compress = (
+            records,
+            Opcode,
+            ZstdCompressor(level=LEVEL, write_checksum=True).compress,
+        )
         self._file = file
         self._schemas: list[Any] = []
         self._channels: list[Any] = []
@@ -90,8 +91,8 @@ class Chunks:
         """The first and the last time of each chunk."""
         self._data = BytesIO()
         """The chunk, in front of what is left of a longer one: its memory is used again."""
-        self._found: dict[int, list[int]] = {}
-        """Of this chunk, by channel: time and place of each message in turn."""
+        self._found: dict[int, tuple[list[int], list[int]]] = {}
+        """Of this chunk, by channel: time and place of each message."""
         file.write(MAGIC)
         self._put(self._records.Header("", tool))
 
@@ -121,15 +122,16 @@ class Chunks:
         self, channel: int, times: Sequence[int], texts: Sequence[bytes], came: Sequence[int], numbers: Sequence[int]
     ) -> None:
         """Messages: log time, content, publish time, sequence."""
-        lengths, done = list(map(len, texts)), 0
-        heads = map(HEAD.pack, repeat(5), [length + OWN for length in lengths], repeat(channel), numbers, times, came)
+        lengths, done = [HEAD.size + length for length in map(len, texts)], 0
+        heads = map(HEAD.pack, repeat(5), [length - APART for length in lengths], repeat(channel), numbers, times, came)
         messages = list(chain.from_iterable(zip(heads, texts, strict=True)))
         self._counts[channel] = self._counts.get(channel, 0) + len(lengths)
         while done < len(lengths):
-            places = list(accumulate([HEAD.size + length for length in lengths[done:]], initial=self._data.tell()))
+            places = list(accumulate(lengths[done:] if done else lengths, initial=self._data.tell()))
             some = min(bisect_right(places, CHUNK, 1), len(places) - 1)
-            pairs = zip(times[done : done + some], places, strict=False)
-            self._found.setdefault(channel, []).extend(chain.from_iterable(pairs))
+            at, place = self._found.setdefault(channel, ([], []))
+            at += times[done : done + some]
+            place += places[:some]
             self._data.writelines(messages[2 * done : 2 * (done + some)])
             done += some
             if self._data.tell() > CHUNK:
@@ -140,20 +142,21 @@ class Chunks:
         if not self._found:
             return
         size = self._data.tell()
-        times = [time for found in self._found.values() for time in found[::2]]
-        first, last = min(times), max(times)
+        first = min(min(times) for times, _ in self._found.values())
+        last = max(max(times) for times, _ in self._found.values())
         with self._data.getbuffer()[:size] as data:
-            packed, crc, at = self._compress(data), zlib.crc32(data), self._file.tell()
+            packed, at = self._compress(data), self._file.tell()
         length = len(
             self._put(
                 self._records.Chunk(
                     compression="zstd", data=packed, message_start_time=first, message_end_time=last,
-                    uncompressed_crc=crc, uncompressed_size=size,
+                    uncompressed_crc=0, uncompressed_size=size,  # the compressed data have a checksum of their own
                 )
             )
         )  # fmt: skip
         offsets, indexes = {}, b""
-        for channel, found in self._found.items():
+        for channel, pair in self._found.items():
+            found = list(chain.from_iterable(zip(*pair, strict=True)))
             offsets[channel] = at + length + len(indexes)
             indexes += struct.pack(f"<BQHI{len(found)}Q", 7, 6 + 8 * len(found), channel, 8 * len(found), *found)
         self._file.write(indexes)
@@ -207,37 +210,32 @@ def _bytes(*some: Any) -> bytes:
     return data
 
 
-def _rows(columns: Sequence[bytes | Sequence[bytes]], count: int) -> list[bytes]:
-    """So many rows of these columns; neighbours that are the same in all rows are joined once."""
+def _rows(heads: Sequence[bytes], columns: Sequence[Sequence[bytes]]) -> list[bytes]:
+    """The rows of these columns, each value after its head; neighbours that are the same in all rows are joined once."""
     parts: list[Iterable[bytes]] = []
     same = b""
-    for column in columns:
-        if isinstance(column, bytes) or constant(column):
-            same += column if isinstance(column, bytes) else column[0]
-            continue
-        parts += [repeat(same), column] if same else [column]
-        same = b""
-    return list(map(b"".join, zip(*parts, repeat(same, count), strict=False)))
+    for head, column in zip(heads, columns, strict=True):
+        same += head
+        if constant(column):
+            same += column[0]
+        else:
+            parts += [repeat(same), column]
+            same = b""
+    return list(map(b"".join, zip(*parts, repeat(same + b"}", len(columns[0])), strict=False)))
 
 
-def _text(head: bytes, text: str) -> bytes:
-    return head + json.dumps(text).encode()
-
-
-def _said(text: str, number: float) -> bytes:
-    """A number of the device as JSON."""
+def _number(text: str, number: float) -> bytes:
+    """A number of the device as JSON: as it was written, if JSON knows that spelling."""
+    if NUMBER.fullmatch(text):
+        return text.encode()
     return repr(number).encode() if text else b"null"
 
 
 def _plain(block: Block, name: str, decimals: int) -> Sequence[bytes]:
-    """A column of the recorder as JSON: the shortest text of each number, which mostly is its own without the last zeros."""
+    """A column of the recorder as JSON: as it was written, but for zeros that only lead."""
     texts = block.columns[name]
-    if constant(texts):
-        return [repr(float(texts[0]) if decimals else int(texts[0])).encode()] * len(texts)
     lines = b"\n" + b"\n".join(texts)
-    if not decimals:
-        return [b"%d" % number for number in map(int, texts)] if b"\n0" in lines or b"-" in lines else texts
-    numbers = block.floats(name)
-    if min(numbers) >= 0.001 and max(numbers) < PLAIN and lines.count(b"\n0") == lines.count(b"\n0."):
-        return [one if one[-1] != POINT else one + b"0" for one in [text.rstrip(b"0") for text in texts]]
-    return [repr(number).encode() for number in numbers]
+    zeros = lines.count(b"\n0")
+    if b"-" not in lines and (not zeros or (decimals and zeros == lines.count(b"\n0."))):
+        return texts
+    return [repr(number).encode() for number in (block.floats(name) if decimals else map(int, texts))]
