@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, starmap
 from json.encoder import encode_basestring
 from math import isfinite
 from typing import IO, Any, NamedTuple
@@ -252,7 +252,9 @@ class TranscriptRow:
                 if value is not None and key not in OWN:
                     own += f', "{key}": {value if type(value) is int else _own_text(value)}'
             values = shown.values
-            listed = ", ".join(map(_value_text, values) if isinstance(values, tuple) else values.texts(_value_text))
+            listed = ", ".join(
+                starmap(_number_text, values) if isinstance(values, tuple) else values.texts(_value_text)
+            )
             if listed:
                 own += f', "values": [{listed}]'
         head = (
@@ -299,13 +301,13 @@ def _own_text(value: str | int) -> str:
 
 
 def _value_text(value: Value) -> str:
-    """One number of a frame as JSON."""
-    return _number_text(*value)
+    """One number of a frame as JSON, for what looks it up."""
+    return _number_text.__wrapped__(*value)
 
 
 @lru_cache(1 << 14, typed=True)
 def _number_text(name: str, value: float | str | None, unit: str | None) -> str:
-    """The same; a long recording says the same again and again. 1 and 1.0 are told apart."""
+    """The same of name, value and unit; a long recording says the same again and again. 1 and 1.0 are told apart."""
     return f'{{"name": {_text(name)}, "value": {_text(value)}, "unit": {_text(unit)}}}'
 
 
