@@ -274,6 +274,10 @@ def state_path(name: str) -> Path:
 # -- text that may be longer than memory ------------------------------------------------------------------------------
 
 
+BLOCK = 1 << 16
+"""Characters that are written, and bytes that are read, at once."""
+
+
 class Spool:
     """Takes lines one by one, gives them back in order. Raises OutputError where the disk has no room."""
 
@@ -286,11 +290,23 @@ class Spool:
     def take(self, lines: Iterable[str]) -> None:
         """Append them; what came before an error stays."""
         with writing(self.folder, hint="make room there, or choose --format ndjson, which needs none"):
-            for line in lines:
-                self._file.write(f"{line}\n".encode("utf-8", "surrogatepass"))
+            some, size = [], 0
+            try:
+                for line in lines:
+                    some.append(line)
+                    size += len(line)
+                    if size >= BLOCK:
+                        self._write(some)
+                        some, size = [], 0
+            finally:
+                self._write(some)
+
+    def _write(self, lines: list[str]) -> None:
+        if lines:
+            self._file.write("\n".join([*lines, ""]).encode("utf-8", "surrogatepass"))
 
     def blocks(self) -> Iterator[str]:
         """All of them, some at once, each with its line end."""
         self._file.seek(0)
-        while block := self._file.read(1 << 16) + self._file.readline():
+        while block := self._file.read(BLOCK) + self._file.readline():
             yield block.decode("utf-8", "surrogatepass")

@@ -26,34 +26,38 @@ with open(sys.argv[1], encoding="utf-8") as file:
             count += len(bytes.fromhex("".join(words[2:])))
 print(time.process_time() - start)
 """
+MOVING = "clock=virtual&use=on"
+"""Someone uses the device: at rest a device says the same again and again, which is shown from memory."""
 RECORDED = {
-    "exo": ("exo", "-p", "fake://exo"),
-    "wrist": ("wrist", "-p", "fake://wrist"),
-    "barrett": ("barrett", "-p", "fake://barrett?initialized=1"),
-    "ekso": ("ekso", "-p", "fake://ekso"),
-    "aidin": ("aidin", "-p", "fake://aidin"),
-    "hand": ("hand", "-p", "fake://hand"),
+    "exo": f"fake://exo?jitter=1&{MOVING}",
+    "wrist": f"fake://wrist?jitter=1&{MOVING}",
+    "barrett": f"fake://barrett?initialized=1&{MOVING}",
+    "ekso": f"fake://ekso?{MOVING}",
+    "aidin": f"fake://aidin?{MOVING}",
+    "hand": f"fake://hand?jitter=1&{MOVING}",
 }
+"""Each in whole replies with all that changes by itself; an EksoNR's are full answers to GetData."""
 
 
 def run(*, quick: bool) -> Iterator[Figure]:
     """Yield the figures."""
     size = SIZE // 8 if quick else SIZE
-    for name, (family, *link) in RECORDED.items():
+    for name, link in RECORDED.items():
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "run.txt"
             handctl(
-                family,
+                name,
                 "watch",
                 "--rate",
-                "0",
+                "50",
                 "--count",
-                "2000",
+                "4000",
                 "--trace",
                 str(file),
                 "-o",
                 str(Path(folder) / "out"),
-                *link,
+                "-p",
+                link,
             )
             head, _, rest = file.read_text(encoding="utf-8").partition("\n")
             file.write_text(f"{head}\n" + rest * max(1, size // len(rest)), encoding="utf-8")

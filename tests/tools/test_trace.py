@@ -585,3 +585,37 @@ def test_no_value_of_a_hand_makes_its_rows_invalid(tmp_path: Path, key: str, val
         done = run("trace", "show", trace, "--family", "aidin", "--format", how)
         assert done.code == 0
         assert how == "csv" or all(map(json.loads, done.out.splitlines() if how == "ndjson" else [done.out]))
+
+
+IN_USE = {"barrett": "&initialized=1", "exo": "&jitter=1", "wrist": "&jitter=1", "hand": "&jitter=1", "ekso": ""}
+
+
+@each_row("family", IN_USE)
+def test_an_answer_like_an_earlier_one_is_told_as_if_it_were_the_first(family: str, tmp_path: Path) -> None:
+    """What comes whole may be told from memory; what comes in two reads is not."""
+    recorded = tmp_path / "t.txt"
+    link = f"fake://{family}?clock=virtual&use=on{IN_USE[family]}"
+    assert run(family, "watch", "--rate", "5", "--count", "60", "-p", link, "--trace", str(recorded)).code == 0
+    whole, split = [], []
+    for number, line in enumerate(recorded.read_text(encoding="utf-8").splitlines()[1:]):
+        moment, mark, *data = line.split()
+        if mark == "<" and number % 7 == 0:
+            data[-1] = f"{int(data[-1], 16) ^ 0x11:02X}"  # a wrong checksum, CRC or prompt
+        whole.append(f"{moment} {mark} {' '.join(data)}")
+        parts = (data[:3], data[3:]) if mark == "<" else (data,)
+        split += [f"{moment} {mark} {' '.join(part)}" for part in parts]
+
+    def pieces(lines: list[str]) -> list[dict[str, object]]:
+        found = [row.piece for row in told(family, *lines) if row.piece is not None]
+        return [
+            {
+                key: tuple(got) if key in ("values", "parts") else got
+                for key, got in vars(piece).items()
+                if key != "kept"
+            }
+            for piece in found
+        ]
+
+    assert pieces(whole) == pieces(split)
+    assert len({str(piece["values"]) for piece in pieces(whole)}) > 20
+    assert any(piece["problem"] for piece in pieces(whole))

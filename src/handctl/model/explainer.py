@@ -8,10 +8,14 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Any, Generic, Protocol, TypeVar, overload
+from functools import lru_cache
+from operator import getitem
+from typing import Any, ClassVar, Generic, Protocol, TypeVar, overload
+from weakref import WeakValueDictionary
 
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
 
+K = TypeVar("K")
 HOST, DEVICE = "host", "device"
 SIDES = (HOST, DEVICE)
 
@@ -30,6 +34,35 @@ class Value(NamedTuple):
     name: str
     value: float | str | None
     unit: str | None = None
+
+
+MOST_KNOWN = 8 << 20
+"""Bytes that all texts of `Known` take together, about."""
+ENTRY = 200
+"""Bytes of an entry besides the characters of its text."""
+
+
+class Known(dict[K, str], Generic[K]):
+    """What `say` says of a key: a long recording has the same numbers again and again."""
+
+    every: ClassVar[WeakValueDictionary[int, Known[Any]]] = WeakValueDictionary()
+    taken: ClassVar[list[int]] = [0]
+    """By all of them. In a list: an attribute of a class that changes makes each look into the class slow."""
+
+    def __init__(self, say: Callable[[K], str]) -> None:
+        super().__init__()
+        self._say = say
+        Known.every[id(self)] = self
+
+    def __missing__(self, key: K) -> str:
+        text, taken = self._say(key), self.taken
+        taken[0] += ENTRY + len(text)
+        if taken[0] > MOST_KNOWN:
+            taken[0] = 0
+            for known in Known.every.values():
+                known.clear()
+        self[key] = text
+        return text
 
 
 T = TypeVar("T")
@@ -74,6 +107,48 @@ class LazySequence(Sequence[T], Generic[T]):
         return repr(self._all())
 
 
+Maker = Callable[[Any], Value | None]
+"""Makes the value of a code as the wire has it; None where that says nothing."""
+
+
+class Makers:
+    """One maker for each code of a message, and what is said of the codes."""
+
+    def __init__(self, makers: Iterable[Maker]) -> None:
+        self.makers = tuple(makers)
+        self._known: dict[Callable[[Value], str], list[Known[Any]]] = {}
+
+    def known(self, say: Callable[[Value], str]) -> list[Known[Any]]:
+        """For each code what `say` says of its value, "" where there is none."""
+        if say not in self._known:
+            self._known[say] = [_known_text(make, say) for make in self.makers]
+        return self._known[say]
+
+
+@lru_cache(4096)
+def _known_text(make: Maker, say: Callable[[Value], str]) -> Known[Any]:
+    return Known(lambda code: "" if (value := make(code)) is None else say(value))
+
+
+class CodedValues(LazySequence[Value]):
+    """The values of codes. What is said of the same code again is looked up."""
+
+    def __init__(self, makers: Makers, codes: Sequence[Any]) -> None:
+        self._made = None
+        self._makers, self._codes = makers, codes
+
+    def _make(self) -> Iterator[Value]:
+        made = (make(code) for make, code in zip(self._makers.makers, self._codes, strict=True))
+        return (value for value in made if value is not None)
+
+    def texts(self, say: Callable[[Value], str]) -> Iterable[str]:
+        """See LazySequence."""
+        return filter(None, map(getitem, self._makers.known(say), self._codes))
+
+
+Values = tuple[Value, ...] | LazySequence[Value]
+
+
 @fast_dataclass(kw_only=True)
 class ExplainedBytes:
     """A frame, or bytes that belong to none. Never changed: where a recording says the same again, it is the same one.
@@ -102,7 +177,7 @@ class ExplainedBytes:
     asks: str = ""
     answers: str = ""
     fields: Mapping[str, int | str | None] = field(default_factory=dict)
-    values: Sequence[Value] = ()
+    values: Values = ()
     parts: Sequence[Part] = ()
     kept: dict[str, Any] | None = None
 

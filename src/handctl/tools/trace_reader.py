@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import chain
+from itertools import chain, starmap
 from json.encoder import encode_basestring
 from math import isfinite
 from typing import IO, Any, NamedTuple
@@ -25,7 +25,7 @@ from handctl.errors import UsageError
 from handctl.families import EXPLAIN_ORDER, FAMILIES
 from handctl.fast_classes import fast_dataclass
 from handctl.link.transcript import DIRECTIONS, Entry, parse_line
-from handctl.model.explainer import HOST, SIDES, ExplainedBytes, Explainer, LazySequence, Value
+from handctl.model.explainer import HOST, SIDES, ExplainedBytes, Explainer, Value
 from handctl.model.result import RoundTrips, Row
 from handctl.screen.render import dumps
 from handctl.wording import plural
@@ -246,18 +246,22 @@ class TranscriptRow:
     def _json_texts(self) -> tuple[str, str]:
         """The keys that every row has, but for its line; and those of its family."""
         shown, own, problem = self.piece or self.unanswered, "", self.problem
+        side = None if shown is None else shown.direction
         if shown is not None:
             for key, value in shown.fields.items():
                 if value is not None and key not in OWN:
                     own += f', "{key}": {value if type(value) is int else _own_text(value)}'
             values = shown.values
-            if values:
-                texts = values.texts(_value_text) if isinstance(values, LazySequence) else map(_value_text, values)
-                own += f', "values": [{", ".join(texts)}]'
-        return (
-            f'"direction": {SIDE_TEXTS[None if shown is None else shown.direction]}, "kind": "{self.kind}", '
-            f'"bytes": "{self.bytes}", "meaning": {_text(self.meaning)}, "problem": {_text(problem or None)}'
-        ), own
+            listed = ", ".join(
+                starmap(_number_text, values) if isinstance(values, tuple) else values.texts(_value_text)
+            )
+            if listed:
+                own += f', "values": [{listed}]'
+        head = (
+            f'"direction": {SIDE_TEXTS[side]}, "kind": "{self.kind}", "bytes": "{self.bytes}", '
+            f'"meaning": {_text(self.meaning)}, "problem": {_text(problem or None)}'
+        )
+        return head, own
 
     def _keys(self) -> Row:
         """The row without its values, which are the last of it."""
@@ -297,13 +301,13 @@ def _own_text(value: str | int) -> str:
 
 
 def _value_text(value: Value) -> str:
-    """One number of a frame as JSON."""
-    return _number_text(*value)
+    """One number of a frame as JSON, for what looks it up."""
+    return _number_text.__wrapped__(*value)
 
 
 @lru_cache(1 << 14, typed=True)
 def _number_text(name: str, value: float | str | None, unit: str | None) -> str:
-    """The same; a long recording says the same again and again. 1 and 1.0 are told apart."""
+    """The same of name, value and unit; a long recording says the same again and again. 1 and 1.0 are told apart."""
     return f'{{"name": {_text(name)}, "value": {_text(value)}, "unit": {_text(unit)}}}'
 
 

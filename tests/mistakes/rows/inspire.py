@@ -532,9 +532,9 @@ ROWS = (
         "explained-by-the-next-finger",
         "finger swapped",
         "handctl.devices.inspire.explain_bytes",
-        "span_values",
-        "Value(Element(register, index).full_name, register.decode(raw), register.unit)",
-        "Value(Element(register, index and index - 1).full_name, register.decode(raw), register.unit)",
+        "_maker",
+        "name, unit = Element(register, index).full_name, register.unit",
+        "name, unit = Element(register, index and index - 1).full_name, register.unit",
         "tests/contract/test_truth.py::test_recorded_bytes_are_explained_by_the_names_of_the_map",
     ),
     mistake(

@@ -22,7 +22,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 
 from handctl.devices.barrett.gcl.codec import (
     ABORT,
@@ -55,11 +55,24 @@ from handctl.devices.barrett.realtime.blocks import (
     Selection,
 )
 from handctl.errors import HandctlError
-from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, LazySequence, Part, Value, stray
+from handctl.model.explainer import (
+    DEVICE,
+    HOST,
+    CodedValues,
+    ExplainedBytes,
+    LazySequence,
+    Makers,
+    Part,
+    Value,
+    Values,
+    stray,
+)
 from handctl.model.param import Number
 from handctl.model.write_ledger import Frame
 from handctl.wording import plural
 
+MOST_KNOWN = 1024
+"""Answers that are remembered."""
 MARK = QUESTION[:1].decode()
 """The question of a connect without what no motor moves by; ERR 32 is how a hand says that it is there."""
 UNKNOWN_COMMAND = 32
@@ -143,7 +156,7 @@ def _with_unit(word: str, value: str) -> str:
     return _texts(param, (int(value),))
 
 
-def answer_words(text: str, found: Answer) -> tuple[str, Sequence[Value], str]:
+def answer_words(text: str, found: Answer) -> tuple[str, Values, str]:
     """(meaning, values, problem) of the data lines of an answer."""
     prefix, kind, words = split(text)
     if kind is not None and kind.name in ("FGET", "PGET") and words:
@@ -157,7 +170,7 @@ def answer_words(text: str, found: Answer) -> tuple[str, Sequence[Value], str]:
     return (f"{text}: done" if text else "prompt"), (), ""
 
 
-def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tuple[str, Sequence[Value], str]:
+def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tuple[str, Values, str]:
     who = motors(prefix) if kind.name == "FGET" else [""]
     table = list(zip(words, values(found, len(words), len(who)), strict=False))
     texts = []
@@ -166,14 +179,26 @@ def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tupl
         shown_numbers = _texts(param, tuple(numbers)) if param is not None else " ".join(map(str, numbers))
         texts.append(f"{param.name if param is not None else _name(word)} {shown_numbers}")
     motor_text = f" ({' '.join(who)})" if kind.name == "FGET" else ""
-    return f"{', '.join(texts)}{motor_text}" if texts else "", LazySequence(lambda: _carried(table, who)), ""
+    makers = _makers(tuple(word for word, _ in table), tuple(who))
+    carried = CodedValues(makers, [number for _, numbers in table for number in numbers])
+    return f"{', '.join(texts)}{motor_text}" if texts else "", carried, ""
+
+
+@lru_cache(256)
+def _makers(words: tuple[str, ...], who: tuple[str, ...]) -> Makers:
+    """What makes the numbers of an answer values."""
+    return Makers(partial(_value, word, motor) for word in words for motor in who)
+
+
+def _value(word: str, motor: str, number: int) -> Value:
+    param, name = _param(word), _name(word)
+    return Value(f"{name}.{motor}" if motor else name, number, param.unit if param else None)
 
 
 def _carried(table: Sequence[tuple[str, list[int]]], who: Sequence[str]) -> Iterator[Value]:
     for word, numbers in table:
-        param, name = _param(word), _name(word)
         for motor, number in zip(who, numbers, strict=False):
-            yield Value(f"{name}.{motor}" if motor else name, number, param.unit if param else None)
+            yield _value(word, motor, number)
 
 
 def _written(command: str) -> Iterator[Value]:
@@ -766,6 +791,11 @@ class BarrettExplainer:
             data = bytes(self._came) + data
             self._came.clear()
             return self._monitor.device(data)
+        if not self._came and len(self._asked) == 1 and self._loop is None and data[:1] != b":":
+            asked = self._asked[0]
+            if (answer := _at_once(asked.command, data)) is not None:
+                self._asked.clear()
+                return [self._answer(asked, answer)]
         self._came += data
         while self._came:
             if self._loop is not None:
@@ -873,10 +903,27 @@ def _command(command: str, raw: bytes) -> ExplainedBytes:
     return _piece(HOST, raw, meaning, problem=problem, fields=fields, parts=parts, values=values, kept={})
 
 
-@lru_cache(256)
+@lru_cache(MOST_KNOWN)
+def _at_once(command: str, came: bytes) -> Answer | None:
+    """The answer to a command where it came whole and alone; a recording holds the same ones again and again."""
+    kind = split(command)[1]
+    if kind is not None and kind.kind == "loop":
+        return None
+    decoder = Decoder(command)
+    decoder.feed(came)
+    answer = decoder.next()
+    return None if answer is None or decoder.skipped or len(_raw_of(answer)) != len(came) else answer
+
+
+def _raw_of(answer: Answer) -> bytes:
+    """Its bytes, with the space of the prompt where it has come."""
+    return answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
+
+
+@lru_cache(MOST_KNOWN)
 def _answer(command: str, answer: Answer) -> ExplainedBytes:
     """Its answer."""
-    raw = answer.raw if answer.raw.endswith(b"=> ") else answer.raw[: answer.raw.rfind(b"=>") + 2]
+    raw = _raw_of(answer)
     meaning, values, problem = answer_words(command, answer)
     if command.startswith(MARK) and answer.status == UNKNOWN_COMMAND:
         meaning = "prompt: the hand is connected"

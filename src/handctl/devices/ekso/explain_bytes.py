@@ -11,7 +11,7 @@ which may be an echo, proves nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, partial
 from operator import getitem
@@ -31,7 +31,21 @@ from handctl.devices.ekso.frames import (
     unpack,
 )
 from handctl.devices.ekso.parameter_map import CLOCKS, EKSO, MESSAGES, TWICE, Word, boot_ms, boot_text
-from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
+from handctl.model.explainer import (
+    DEVICE,
+    HOST,
+    CodedValues,
+    Cut,
+    Cutter,
+    ExplainedBytes,
+    Known,
+    LazySequence,
+    Makers,
+    Part,
+    Value,
+    Values,
+    stray,
+)
 from handctl.model.write_ledger import RequestReplyRules
 from handctl.wording import plural
 
@@ -39,9 +53,7 @@ LONGEST = max(size for row in EXCHANGES.values() for size in row.answers) + OVER
 BYTES = {"time": ("hours", "minutes", "seconds"), "date": ("year - 2000", "month", "day")}
 WRITING = SET_VALUE, CANCEL_ACTION = int(Command.SET_VALUE), int(Command.CANCEL_ACTION)
 """What is answered by a status word. As plain numbers: a recording has millions to compare, and an enum's members take their time."""
-MOST_KNOWN = 1024
-"""Numbers of a word that are remembered."""
-Explained = tuple[str, Sequence[Value], Sequence[Part]]
+Explained = tuple[str, Values, Sequence[Part]]
 """A body in words, its values, its parts."""
 
 
@@ -52,6 +64,8 @@ class EksoExplainer(Cutter):
         super().__init__()
         self._mode = "body"
         self._asked = b""
+        self._alike: dict[tuple[str, str, bytes, int], ExplainedBytes] = {}
+        """Of the frames of reads: direction, length convention, beginning, size -> one of them."""
 
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """See Explainer."""
@@ -76,6 +90,27 @@ class EksoExplainer(Cutter):
                 yield f"rtc {shown - timedelta(seconds=int(moments['time'])):%Y-%m-%dT%H:%M:%S}"
 
     # -- finding frames -----------------------------------------------------------------------------------------------
+
+    def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
+        """See Explainer."""
+        alike = self._alike.get((direction, self._mode, data[:2], len(data)))
+        if alike is None or self._buffers[direction] or data == self._asked or crc(data):
+            return super().feed(direction, data)
+        return [self._another(alike, data)]
+
+    def _another(self, alike: ExplainedBytes, raw: bytes) -> ExplainedBytes:
+        """A frame that differs from one told before in msgID and body only."""
+        command, msg_id, mode = raw[0], int.from_bytes(raw[2:4], "big"), self._mode
+        inner: Sequence[Part] = ()
+        piece = object.__new__(ExplainedBytes)
+        vars(piece).update(vars(alike), raw=raw, fields={**alike.fields, "msg_id": msg_id})
+        if alike.direction == HOST:
+            self._asked, piece.asks = raw, f"{command} {msg_id}"
+        else:
+            piece.meaning, piece.values, inner = _told(DEVICE, command, raw[4:-2])
+            piece.answers = f"{command} {msg_id}"
+        piece.parts = LazySequence(lambda: _parts(raw, mode, alike.direction == DEVICE, inner))
+        return piece
 
     def cut(self, buffer: bytearray, side: str, *, final: bool) -> Cut:
         first = self._at(buffer, 0, side)
@@ -154,13 +189,16 @@ class EksoExplainer(Cutter):
             self._asked = raw
         key = f"{command} {msg_id}" if frame and problem != "echo" else ""
         answer = direction == DEVICE
-        return ExplainedBytes(
+        piece = ExplainedBytes(
             direction=direction, raw=raw, meaning=f"{extra}{words}", problem=problem, frame=frame, values=values,
             title=problem if not frame else f"{name} answer" if answer else name,
             asks="" if answer else key, answers=key if answer else "",
             fields={"command": command, "name": name, "msg_id": msg_id, "length_mode": cut.mode},
             parts=LazySequence(lambda: _parts(raw, cut.mode, answer, parts)),
         )  # fmt: skip
+        if not problem and EXCHANGES[command].words and bool(body) == answer:
+            self._alike[direction, cut.mode, raw[:2], len(raw)] = piece
+        return piece
 
 
 def _parts(raw: bytes, mode: str, answer: bool, inner: Sequence[Part]) -> Iterator[Part]:
@@ -233,42 +271,19 @@ def _message(row: Exchange, words: Sequence[Word], body: bytes) -> Explained:
             for word, number in zip(words, numbers, strict=True)
         ]
     )
-    return f"{row.name}: {text}{boot}", _Numbers(row.words, numbers), parts
-
-
-class _Numbers(LazySequence[Value]):
-    """The words of a message as numbers."""
-
-    def __init__(self, message: str, numbers: Sequence[int]) -> None:
-        super().__init__(lambda: map(_value, MESSAGES[message], numbers))
-        self._message, self._numbers = message, numbers
-
-    def __len__(self) -> int:
-        return len(self._numbers)
-
-    def texts(self, say: Callable[[Value], str]) -> Iterable[str]:
-        """See LazySequence."""
-        return map(getitem, _known(self._message, say), self._numbers)
+    return f"{row.name}: {text}{boot}", CodedValues(_makers(row.words), numbers), parts
 
 
 @cache
-def _known(message: str, say: Callable[[Value], str] | None = None) -> list[dict[int, str]]:
-    """For each word of a message what is said of its numbers: by `say` of the value, else for people with its name."""
-    return [_Known(partial(_shown, word) if say is None else partial(_said, say, word)) for word in MESSAGES[message]]
+def _makers(message: str) -> Makers:
+    """For each word of a message what makes its number a value."""
+    return Makers(partial(_value, word) for word in MESSAGES[message])
 
 
-class _Known(dict[int, str]):
-    """A long recording has the same numbers again and again."""
-
-    def __init__(self, say: Callable[[int], str]) -> None:
-        super().__init__()
-        self._say = say
-
-    def __missing__(self, number: int) -> str:
-        if len(self) >= MOST_KNOWN:
-            self.clear()
-        text = self[number] = self._say(number)
-        return text
+@cache
+def _known(message: str) -> list[Known[int]]:
+    """For each word of a message what its number is in words."""
+    return [Known(partial(_shown, word)) for word in MESSAGES[message]]
 
 
 def _shown(word: Word, number: int) -> str:
@@ -279,10 +294,6 @@ def _shown(word: Word, number: int) -> str:
 def _value(word: Word, number: int) -> Value:
     """The same as a number."""
     return Value(word.name, word.value_of(number), word.unit)
-
-
-def _said(say: Callable[[Value], str], word: Word, number: int) -> str:
-    return say(_value(word, number))
 
 
 def _setting(body: bytes) -> Explained:

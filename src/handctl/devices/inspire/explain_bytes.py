@@ -15,7 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, lru_cache
 from itertools import count, groupby, takewhile
-from typing import NamedTuple
+from operator import getitem
+from struct import Struct
+from typing import Any, NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.eb90 import FORCE_COMMAND, READ, WRIST_READ, WRIST_WRITE, WRITE, Frame
@@ -23,7 +25,22 @@ from handctl.devices.inspire.identity import At, within
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, pdu_of
 from handctl.devices.inspire.register_map import Register
 from handctl.fast_classes import replace
-from handctl.model.explainer import DEVICE, HOST, Cut, Cutter, ExplainedBytes, LazySequence, Part, Value, stray
+from handctl.model.explainer import (
+    DEVICE,
+    HOST,
+    CodedValues,
+    Cut,
+    Cutter,
+    ExplainedBytes,
+    Known,
+    LazySequence,
+    Maker,
+    Makers,
+    Part,
+    Value,
+    Values,
+    stray,
+)
 from handctl.model.param import Element, Number, ParamMap, elements_of
 from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
@@ -32,6 +49,10 @@ UNDOCUMENTED = "at "
 """Before the address in the name of bytes of no register."""
 OF_HAND = "hand at "
 """The same of each byte of the hand that carries a wrist: the wrist's manual names none of its registers."""
+
+
+Split = Callable[[bytes], tuple[bytes, ...]]
+"""Splits the bytes of a span into its stretches."""
 
 
 @cache
@@ -73,15 +94,28 @@ def _layout(
     return tuple(found)
 
 
-def span_values(params: ParamMap[Register] | None, address: int, data: bytes) -> tuple[Value, ...]:
+def span_values(params: ParamMap[Register] | None, address: int, data: bytes) -> Values:
     """The documented values in the span, and where other bytes are not 0 those in hex by their address."""
-    return tuple(
-        Value(Element(register, index).full_name, register.decode(raw), register.unit)
-        if register is not None
-        else Value(f"{UNDOCUMENTED}{index}", raw.hex(" ").upper())
-        for register, index, raw in stretches(params, address, data)
-        if register is not None or (any(raw) and params is not None)
-    )
+    if params is None:
+        return ()
+    makers, split = _makers(params, address, len(data))
+    return CodedValues(makers, split(data))
+
+
+@lru_cache(256)
+def _makers(params: ParamMap[Register], address: int, count: int) -> tuple[Makers, Split]:
+    """What makes the stretches of a span values, and what splits its bytes into them."""
+    layout = _layout(params, address, count)
+    split = Struct("".join(f"{stop - start}s" for _, _, start, stop in layout)).unpack
+    return Makers(_maker(register, index) for register, index, _, _ in layout), split
+
+
+@lru_cache(4096)
+def _maker(register: Register | None, index: int) -> Maker:
+    if register is None:
+        return lambda raw: Value(f"{UNDOCUMENTED}{index}", raw.hex(" ").upper()) if any(raw) else None
+    name, unit = Element(register, index).full_name, register.unit
+    return lambda raw: Value(name, register.decode(raw), unit)
 
 
 def span_parts(params: ParamMap[Register] | None, address: int, data: bytes) -> list[Part]:
@@ -124,12 +158,9 @@ def describe(params: ParamMap[Register] | None, address: int, data: bytes) -> st
     """The values of a span: ``position_set = 500 500 -1 0 500 (middle not commanded)``."""
     if params is None:
         return f"{data.hex(' ').upper()}"
-    texts = [
-        _group(register, first, data[start:stop])
-        for register, first, start, stop in _groups(params, address, len(data))
-        if register is not None
-    ]
-    gaps = b"".join(raw for register, _, raw in stretches(params, address, data) if register is None)
+    known, split, places = _groups(params, address, len(data))
+    texts = list(map(getitem, known, split(data)))
+    gaps = b"".join([data[start:stop] for start, stop in places])
     if not texts:
         return f"undocumented bytes {gaps.hex(' ').upper()}" if gaps else "nothing"
     if any(gaps):
@@ -139,37 +170,60 @@ def describe(params: ParamMap[Register] | None, address: int, data: bytes) -> st
 
 @lru_cache(256)
 def _groups(
-    params: ParamMap[Register] | None, address: int, count: int
-) -> tuple[tuple[Register | None, int, int, int], ...]:
-    """The stretches of a span with the neighbouring elements of one register in one: (register, first index, start, stop)."""
-    found = []
+    params: ParamMap[Register], address: int, count: int
+) -> tuple[list[Known[bytes]], Split, list[tuple[int, int]]]:
+    """Of a span: what is said of the neighbouring elements of each register, what splits it into these, and the gaps."""
+    known, form, gaps = [], "", []
     for register, group in groupby(_layout(params, address, count), key=lambda item: item[0]):
         members = list(group)
-        found.append((register, members[0][1], members[0][2], members[-1][3]))
-    return tuple(found)
+        first, start, stop = members[0][1], members[0][2], members[-1][3]
+        if register is None:
+            form += f"{stop - start}x"
+            gaps.append((start, stop))
+        else:
+            form += f"{stop - start}s"
+            known.append(_group(register, first, (stop - start) // register.size))
+    return known, Struct(form).unpack, gaps
 
 
-@lru_cache(4096)
-def _group(register: Register, first_index: int, data: bytes) -> str:
-    """Neighbouring elements of a register in words; the same bytes come again and again in a recording."""
-    size = register.size
-    elements = [(first_index + place, data[place * size : (place + 1) * size]) for place in range(len(data) // size)]
-    values = [register.decode(raw) for _, raw in elements]
-    name = register.name
-    if register.elements and len(elements) < len(register.elements):
-        first, last = register.elements[elements[0][0]], register.elements[elements[-1][0]]
-        name += f".{first}" if first == last else f".{first} to {last}"
-    labels = [(index, register.label(value)) for (index, _), value in zip(elements, values, strict=True)]
-    remarks = [
-        f"{register.elements[index]} {label}" if register.elements else label
-        for index, label in labels
-        if label is not None and label != "ok"
-    ]
-    if register.note and not register.elements and not (register.bits and not values[0]):
-        remarks.append(register.note)
-    unit = f" {register.unit}" if register.unit else ""
-    text = f"{name} = {' '.join(register.text(value) for value in values)}{unit}"
-    return f"{text} ({', '.join(remarks)})" if remarks else text
+@lru_cache(1024)
+def _group(register: Register, first: int, count: int) -> Known[bytes]:
+    """What the bytes of so many elements of a register say; the same ones come again and again in a recording."""
+    elements, name, unit = register.elements, register.name, f" {register.unit}" if register.unit else ""
+    if elements and count < len(elements):
+        begin, end = elements[first], elements[first + count - 1]
+        name += f".{begin}" if begin == end else f".{begin} to {end}"
+    remarked = register.choices or register.special or register.bits or (register.note and not elements)
+    remarks = [_remarks(register, index) for index in range(first, first + count)] if remarked else []
+    known, split = [_texts(register)] * count, Struct(f"{register.size}s" * count).unpack
+
+    def told(data: bytes) -> str:
+        cells = split(data)
+        text = f"{name} = {' '.join(map(getitem, known, cells))}{unit}"
+        said = ", ".join(filter(None, map(getitem, remarks, cells)))
+        return f"{text} ({said})" if said else text
+
+    return Known(told)
+
+
+@cache
+def _texts(register: Register) -> Known[bytes]:
+    return Known(lambda raw: register.text(register.decode(raw)))
+
+
+@cache
+def _remarks(register: Register, index: int) -> Known[bytes]:
+    def remark(raw: bytes) -> str:
+        value = register.decode(raw)
+        label = register.label(value)
+        if label is None or label == "ok":
+            label = ""
+        if register.elements:
+            return label and f"{register.elements[index]} {label}"
+        note = "" if register.bits and not value else register.note
+        return ", ".join(filter(None, (label, note)))
+
+    return Known(remark)
 
 
 # -- which elements of a map the bytes at an address hold -------------------------------------------------------------
@@ -179,6 +233,8 @@ RESULTS = {0x00: "saved", 0xFF: "not saved"}
 """Data of the late result frame of a save (RH56 §2.2.2)."""
 READS, WRITES = (READ, WRIST_READ), (WRITE, WRIST_WRITE)
 CAN_KINDS = {0: "read hand", 1: "write hand", 4: "read wrist", 5: "write wrist"}
+PREFIX = 7
+"""Bytes of an answer before its data, up to the address."""
 MOST_KNOWN = 1024
 LARGEST = 256
 """Questions on CAN that are remembered: a bus may be full of those of others."""
@@ -307,6 +363,8 @@ class InspireExplainer(Cutter):
         self._generations = Generations(known or [own])
         self._known: dict[tuple[str, bytes], ExplainedBytes] = {}
         """Reads told before, and answers to them: the same come again and again."""
+        self._alike: dict[bytes, tuple[dict[str, Any], ParamMap[Register], int]] = {}
+        """How an answer begins -> its piece, and which bytes of which map it holds."""
         self._adopt()
         self._new_id: tuple[int, int, int] | None = None
         """Id that a write was for, the one that its acknowledgement may come from, and its address."""
@@ -327,6 +385,7 @@ class InspireExplainer(Cutter):
         found = {role: self.params.get(name) for role, name in roles.items()}
         self.places = {role: register.place if register is not None else -1 for role, register in found.items()}
         self._known.clear()
+        self._alike.clear()
 
     def simulated(self, values: Mapping[str, Number | str], moments: Mapping[str, float]) -> Iterator[str]:
         """See Explainer: the generation, and the bytes of each register that is no trigger."""
@@ -364,8 +423,34 @@ class InspireExplainer(Cutter):
         """See Explainer."""
         if can_id is not None:
             return [self._can(direction, can_id, data)]
-        known = self._known.get((direction, data)) if not self._started and not self._buffers[direction] else None
-        return [known] if known is not None else super().feed(direction, data)
+        if not self._started and not self._buffers[direction]:
+            if (known := self._known.get((direction, data))) is not None:
+                if known.kept is None:
+                    known.kept = {}
+                return [known]
+            if direction == DEVICE and (known := self._other_values(data)) is not None:
+                return [known]
+        return super().feed(direction, data)
+
+    def _other_values(self, data: bytes) -> ExplainedBytes | None:
+        """An answer to a read that differs from one told before in its values and nothing else; None where it is none."""
+        alike = self._alike.get(data[:PREFIX])
+        if alike is None or len(data) != data[3] + eb90.OVERHEAD or eb90.checksum(data[2:-1]) != data[-1]:
+            return None
+        rest, space, at = alike
+        held = data[PREFIX:-1]
+        piece = object.__new__(ExplainedBytes)
+        vars(piece).update(
+            rest, raw=data, meaning=f"{describe(space, at, held)}, id {data[2]}", values=span_values(space, at, held),
+            parts=LazySequence(lambda: self._parts(data)),
+        )  # fmt: skip
+        self._remember(piece)
+        return piece
+
+    def _remember(self, piece: ExplainedBytes) -> None:
+        if len(self._known) >= MOST_KNOWN:
+            self._known.clear()
+        self._known[piece.direction, piece.raw] = piece
 
     def sent(self, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """As `feed`, of what the host sends in one write: that is whole, or will never be."""
@@ -429,7 +514,7 @@ class InspireExplainer(Cutter):
             return self._damaged(direction, raw)
         frame, fields = _framed(raw)
         title, key = "", ""
-        values: Sequence[Value] = ()
+        values: Values = ()
         if frame.from_device != (direction == DEVICE):
             who = "our own bytes came back" if direction == DEVICE else "bytes of a device, sent by the host"
             meaning, problem = f"{who}: {self._words(frame)[0]}", "echo"
@@ -441,9 +526,18 @@ class InspireExplainer(Cutter):
             fields=fields, parts=LazySequence(lambda: self._parts(raw)),
         )  # fmt: skip
         if frame.flag in READS and self._generations.sure and not self._started:  # whatever was before it
-            if len(self._known) >= MOST_KNOWN:
-                self._known.clear()
-            self._known[direction, raw], piece.kept = piece, {}
+            self._remember(piece)
+            space, address = self._space(frame.flag == WRIST_READ), frame.address
+            if (
+                direction == DEVICE
+                and not problem
+                and len(frame.data) > 1
+                and space is not None
+                and address is not None
+            ):
+                if len(self._alike) >= MOST_KNOWN:
+                    self._alike.clear()
+                self._alike[raw[:PREFIX]] = {**vars(piece)}, space, address * self.per
         return piece
 
     # -- registers, whichever wire ------------------------------------------------------------------------------------
@@ -452,10 +546,10 @@ class InspireExplainer(Cutter):
         """The map behind a flag; None where this family member has no names."""
         return self.params if wrist == self.is_wrist else None
 
-    def _values(self, space: ParamMap[Register] | None, address: int, data: bytes) -> tuple[Value, ...]:
+    def _values(self, space: ParamMap[Register] | None, address: int, data: bytes) -> Values:
         """What the bytes at an address hold; of the hand behind a wrist each byte, because nothing says which belong together."""
         if space is None and self.is_wrist:
-            return tuple(Value(f"{OF_HAND}{at}", byte) for at, byte in enumerate(data, address))
+            return LazySequence(lambda: (Value(f"{OF_HAND}{at}", byte) for at, byte in enumerate(data, address)))
         return span_values(space, address, data)
 
     def _asks(self, space: ParamMap[Register] | None, address: int, count: int, unit: str = "byte") -> str:
@@ -482,7 +576,7 @@ class InspireExplainer(Cutter):
             "expected": f"{right:02X}"}, parts=LazySequence(lambda: self._parts(raw)),
         )  # fmt: skip
 
-    def _explain(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
+    def _explain(self, frame: Frame) -> tuple[str, str, str, str, Values]:
         """(meaning, title, key of request and answer, problem, values) of a valid frame; see `_told`.
 
         While the generation is open, what the others have there is said too.
@@ -499,7 +593,7 @@ class InspireExplainer(Cutter):
             meaning += self._generations.other_generations(address, count, writes=writes, data=data)
         return meaning, *rest  # type: ignore[return-value]
 
-    def _told(self, frame: Frame) -> tuple[str, str, str, str, Sequence[Value]]:
+    def _told(self, frame: Frame) -> tuple[str, str, str, str, Values]:
         words, values = self._words(frame)
         who, flag, address, size = frame.id, frame.flag, frame.address, len(frame.data)
         if self._commands(frame):
@@ -534,9 +628,7 @@ class InspireExplainer(Cutter):
         """Of a frame that could be an acknowledgement too: only behind one, which is `_accepted`."""
         return not self.is_wrist and frame.address == self.places["save"] == self._started and frame.data[0] in RESULTS
 
-    def _late(
-        self, frame: Frame, words: str, values: Sequence[Value], key: str
-    ) -> tuple[str, str, str, str, Sequence[Value]]:
+    def _late(self, frame: Frame, words: str, values: Values, key: str) -> tuple[str, str, str, str, Values]:
         """A read or its answer; or the frame that tells the end of a save or a calibration, which nobody asks for."""
         if not frame.from_device or self.is_wrist or len(frame.data) != 1:
             return words, "", key, "", values
@@ -552,7 +644,7 @@ class InspireExplainer(Cutter):
     def _commands(self, frame: Frame) -> bool:
         return self.is_exo and frame.flag in eb90.COMMANDS and frame.address is None
 
-    def _words(self, frame: Frame) -> tuple[str, Sequence[Value]]:
+    def _words(self, frame: Frame) -> tuple[str, Values]:
         """A frame in words, and its values."""
         if self._commands(frame):
             return self._command(frame)
@@ -574,9 +666,9 @@ class InspireExplainer(Cutter):
         if len(data) == 8 and frame.flag == WRIST_WRITE:
             text += " (an exoskeleton hand takes it for a force command)"
         at = address * self.per
-        return f"{'write ' if writes else ''}{text}, {where}", LazySequence(lambda: self._values(space, at, data))
+        return f"{'write ' if writes else ''}{text}, {where}", self._values(space, at, data)
 
-    def _command(self, frame: Frame) -> tuple[str, Sequence[Value]]:
+    def _command(self, frame: Frame) -> tuple[str, Values]:
         """Force and position commands: five set values out; actual positions (six) or forces (five) back."""
         numbers = eb90.unpack_s16(frame.payload)
         kind = eb90.COMMANDS[frame.flag]
@@ -720,7 +812,7 @@ class InspireExplainer(Cutter):
             direction=direction, raw=raw, meaning=f"{meaning}, {where}", title=title, problem=problem,
             asks=key if direction == HOST else "", answers=key if fits else "",
             fields={"id": unit, "function": pdu[0], "address": address, "wire": "modbus-tcp" if mode == TCP else None},
-            values=LazySequence(lambda: span_values(params, at, data) if at is not None else ()),
+            values=span_values(params, at, data) if at is not None else (),
             parts=LazySequence(lambda: _modbus_parts(raw, mode, [] if at is None or not data else span_parts(params, at, data), len(data))),
         )  # fmt: skip
 
