@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,10 @@ from handctl.devices.inspire.exo.probe import TARGET as EXO
 from handctl.devices.inspire.hand.probe import TARGET as HAND
 from handctl.devices.inspire.scan import sweep
 from handctl.devices.inspire.wrist.probe import TARGET as WRIST
-from handctl.link import CanFrame
+from handctl.link import CanFrame, open_link
 from handctl.model.result import Journal
 from handctl.model.scan_task import ScanTask
+from handctl.tools import stop
 from tests.contract.cell import tried, wrote
 from tests.contract.commands import scratch_of
 from tests.inspire.wrist_support import ScriptedFrames
@@ -222,3 +224,19 @@ def test_a_snapshot_of_a_hand_without_the_first_of_its_settings(tmp_path: Path) 
         assert asked("hand", "get", "default_speed", "default_force", bus="can").code == 4
     assert (result.code, "not-on-this-firmware" in result.codes()) == (0, True)
     assert result.rows and not [row for row in result.rows if row["name"].startswith("default_speed")]
+
+
+@pytest.mark.parametrize("family", ["exo", "hand"])
+def test_a_search_of_all_families_guesses_none(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bytes at a time show that somebody is there, and not who."""
+    monkeypatch.setattr(stop, "SECONDS", 60.0)
+    name = f"fake://{family}?clock=virtual"
+    with odd_registers(**MOST_2):
+        result, doctor = run("scan", "-p", name, "--json"), run("doctor", "-p", name, "--json")
+        with closing(open_link(name)) as link:
+            assert stop._asked(link, "serial", None, Journal()) is None
+    assert (result.code, [row["family"] for row in result.rows]) == (6, [None])
+    (device,) = [row for row in doctor.rows if row["check"] == "device"]
+    assert (doctor.code, device["status"]) == (7, "warning")
+    with odd_registers(without=((1546, 12),)):
+        assert [row["family"] for row in run("scan", "-p", name, "--json").rows] == [family]

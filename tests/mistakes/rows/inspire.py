@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-whoever-is-not-shown-is-an-exo",
+        "false identity",
+        "handctl.devices.inspire.id_and_baud_search",
+        "Scanner._kind",
+        'open_ = exc.code == "unknown-device" or (exc.code == NOT_SHOWN and not self._want.typed)',
+        'open_ = exc.code == "unknown-device"',
+        "tests/inspire/test_contact.py::test_a_search_of_all_families_guesses_none",
+    ),
+    mistake(
         "inspire-a-hit-is-confirmed-by-one-register-only",
         "false silence",
         "handctl.devices.inspire.id_and_baud_search",

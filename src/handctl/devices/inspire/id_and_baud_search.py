@@ -25,7 +25,7 @@ from typing import NamedTuple
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.can_bus import HINTS, NO_ACK_HINT, CanBus, bus_failure, said_damaged
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.identity import WRIST, IdentityCheck, Kind
+from handctl.devices.inspire.identity import NOT_SHOWN, WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import QUIET_SECONDS
 from handctl.devices.inspire.register_bus import FRESH, FRESH_SHORT, READS, Span, ahead, at_speed, other_speed, question
 from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, headless
@@ -287,6 +287,7 @@ class ScanRequest:
     """What is wanted of the scan of one line.
 
     own, probe, twin  who is looked for, and what he is asked, see `scan.Target`
+    typed     the user named him: where nothing shows who answers, it is he
     find_all  the first hit does not end it
     thorough  silence is asked again, with more patience
     silence   for so many seconds a line is asked on which nobody is heard, None = until all were asked
@@ -300,6 +301,7 @@ class ScanRequest:
     probe: Span
     twin: Span
     find_all: bool
+    typed: bool = True
     thorough: bool = True
     silence: float | None = None
     between: Callable[[], bool] | None = None
@@ -544,7 +546,8 @@ class Scanner(Requester):
         except NoAnswer:
             return self._want.own, ""  # it answered before: nothing contradicts it
         except ProtocolError as exc:
-            return (None, exc.text) if exc.code == "unknown-device" else (self._want.own, "")
+            open_ = exc.code == "unknown-device" or (exc.code == NOT_SHOWN and not self._want.typed)
+            return (None, exc.text) if open_ else (self._want.own, "")
 
     def _collided(self, speed: int | None) -> bool:
         """Whether two devices with one id answer at this speed: each answer is damaged, but for those that are alike."""

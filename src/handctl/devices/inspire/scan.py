@@ -113,7 +113,8 @@ class Sweep:
         self.names = " or ".join(self.families)
         # Of several one is asked for whose question the others answer as well, and who answers is looked at.
         self.lead = next((target for target in targets if target.own is not WRIST), targets[0])
-        self.own = self.lead.own if self.lead.own is WRIST or (len(targets) == 1 and additional is None) else EXO
+        self.typed = len(targets) == 1 and additional is None
+        self.own = self.lead.own if self.lead.own is WRIST or self.typed else EXO
         self.look = next((target.look for target in targets if target.look is not None), None)
         spoken = {target.spoken(link.name, task.own.get("protocol")) for target in targets}
         self.tcp, self.rtu, self.eb90 = "tcp" in spoken, bool(spoken & {"auto", "modbus"}), spoken != {"modbus"}
@@ -199,6 +200,7 @@ class Sweep:
             probe=target.probe,
             twin=target.twin,
             own=self.own if lead else target.own,
+            typed=self.typed,
             thorough=task.silence is None,
             silence=None if task.silence is None else max(0.0, task.silence - self._seconds),
             between=self._between if self.rtu and lead else None,
