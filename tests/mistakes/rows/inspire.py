@@ -21,7 +21,7 @@ ROWS = (
         "false silence",
         "handctl.devices.inspire.id_and_baud_search",
         "Requester._ask",
-        "this = span or self._another(short=number > 0 or device_id in self._short)",
+        "this = span or self._another(short=(first and number > 0) or device_id in self._short)",
         "this = span or self._another()",
         "tests/inspire/test_contact.py::test_a_scan_finds_whoever_answers_two_questions",
     ),

@@ -187,14 +187,17 @@ class Requester:
         named = self._decoder.rejected[2]
         self.found.damaged[named] = self.found.damaged.get(named, 0) + 1
 
-    def _ask(self, device_id: int, waits: Sequence[float], span: Span | None = None) -> bool:
-        """Ask one id for `span`, else for a register and length that it was not asked lately, until an answer comes."""
+    def _ask(self, device_id: int, waits: Sequence[float], span: Span | None = None, *, first: bool = False) -> bool:
+        """Ask one id for `span`, else for a register and length that it was not asked lately, until an answer comes.
+
+        first  it is not known which registers it has: behind the first question it is asked for others
+        """
         bus, flag = self._bus, self._bus.read_flag
         asked: dict[tuple[int, Span], float] = {}
         for number, wait in enumerate(waits):
             if self._cut():
                 break
-            this = span or self._another(short=number > 0 or device_id in self._short)
+            this = span or self._another(short=(first and number > 0) or device_id in self._short)
             asked[device_id, this] = bus.link.now()
             self._seen.pop((device_id, this), None)
             request = eb90.read_request(device_id, *this, flag)
@@ -517,7 +520,7 @@ class Scanner(Requester):
     def _place(self, speed: int | None, device_id: int) -> bool:
         """Whether this id gives a younger answer, at this speed or at one before; the port stays there."""
         waits = [self._patience(wait) for wait in CONFIRM_SECONDS]
-        if self._ask(device_id, waits):
+        if self._ask(device_id, waits, first=True):
             return True
         for before in [each for each in reversed(self._asked) if each != speed]:
             self._bus.link.set_baud(before)
