@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from contextlib import closing
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from handctl.devices.inspire import eb90
+from handctl.devices.inspire.exo.probe import TARGET as EXO
+from handctl.devices.inspire.hand.probe import TARGET as HAND
+from handctl.devices.inspire.scan import sweep
+from handctl.devices.inspire.wrist.probe import TARGET as WRIST
+from handctl.link import CanFrame, open_link
+from handctl.model.result import Journal
+from handctl.model.scan_task import ScanTask
+from handctl.tools import stop
 from tests.contract.cell import tried, wrote
 from tests.contract.commands import scratch_of
+from tests.inspire.wrist_support import ScriptedFrames
 from tests.search.contact_worlds import EB90, RTU, Change, reads_only
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 from tests.support.odd_devices import odd_registers
+from tests.support.scripted import ScriptedLink
 
 STATES = (1606, 18)
 
@@ -128,3 +141,102 @@ def test_a_device_that_answers_nothing_is_silent() -> None:
     for family, options in (("exo", {}), ("wrist", {}), ("hand", {"speaks": "eb90"})):
         with at_every_read():
             assert asked(family, "status", **options).code == 4
+
+
+# -- who is there, whatever it lacks ----------------------------------------------------------------------------------
+
+MOST_2 = {"most": 2, "short": True}
+
+
+@each_row(
+    ("family", "how", "options"),
+    [
+        ("exo", {"without": ((1546, 12),)}, {}),
+        ("exo", {"without": ((1546, 12),), "short": True}, {}),
+        ("exo", {"most": 2}, {}),
+        ("exo", MOST_2, {}),
+        ("wrist", {"without": ((1020, 2),)}, {}),
+        ("wrist", {"without": ((1022, 2),)}, {}),
+        ("wrist", MOST_2, {}),
+        ("wrist", {"without": ((1022, 2),)}, {"bus": "can"}),
+        ("hand", {"without": ((1546, 12),)}, {}),
+        ("hand", MOST_2, {}),
+        ("hand", {"most": 2}, {"bus": "can"}),
+        ("hand", MOST_2, {"bus": "can"}),
+        ("hand", {"without": ((1548, 2),)}, {"bus": "can"}),
+    ],
+)
+def test_a_scan_finds_whoever_answers_two_questions(family: str, how: dict[str, Any], options: dict[str, str]) -> None:
+    """The register that confirms a hit may be missing, or be answered in part: then another one confirms it."""
+    with odd_registers(**how):
+        result = asked(family, "scan", "--ids", "1-3", **options)
+    assert (result.code, [(row["family"], row["id"]) for row in result.rows]) == (0, [(family, 1)]), result
+    assert not {"unconfirmed", "wrong-id", "cut-short"} & set(result.codes())
+
+
+@each_row(("family", "wire"), [("exo", "serial"), ("wrist", "serial"), ("wrist", "can"), ("hand", "can")])
+def test_an_answer_that_comes_again_confirms_nothing(family: str, wire: str) -> None:
+    """The same frame again and again is late, or somebody's else: one register alone shows no device."""
+    first = {"exo": (1472, 2), "wrist": (1020, 2) if wire == "can" else (1024, 2), "hand": (1546, 2)}[family]
+    link: ScriptedFrames | ScriptedLink
+    if wire == "can":
+        flag = 4 if family == "wrist" else 0
+        ours = flag << 26 | first[0] << 14 | 1
+        repeated = [(0.001 + 0.06 * number, CanFrame(ours, b"\xa7\x02")) for number in range(20)]
+        link = ScriptedFrames(lambda frame: repeated if frame.can_id == ours else [])
+    else:
+        question = eb90.read_request(1, *first, eb90.WRIST_READ if family == "wrist" else eb90.READ)
+        answer = eb90.Frame(eb90.DEVICE, 1, question[4], question[5:7] + b"\xa7\x02").encode()
+        late = [(0.002 + 0.06 * number, answer) for number in range(80)]
+        link = ScriptedLink(lambda data: late if question in data else [], baud=115200)
+    target = {"exo": EXO, "wrist": WRIST, "hand": HAND}[family]
+    task, journal = ScanTask(ids=[1, 2], find_all=True, baud=115200), Journal()
+    sweep(link, journal, None, task, [target])
+    assert not task.rows
+    assert task.failure is not None and "unconfirmed" in {message.code for message in journal.messages}
+
+
+def test_what_the_line_is_shows_without_the_register_that_is_asked_first() -> None:
+    with odd_registers(without=((1546, 12),)):
+        assert asked("exo", "doctor").json["line"]["half_duplex"] is False
+        assert "wrong-speed" in asked("exo", "get", "system_voltage", baud="57600").codes()
+
+
+@pytest.mark.parametrize("most", [2, 4])
+def test_a_hand_on_can_that_answers_in_part_is_contact(most: int, tmp_path: Path) -> None:
+    """As on the other wires: it is there, which one it is stays open, and whoever knows reads every value."""
+    usual = asked("hand", "get", "angle_actual", bus="can").values
+    scratch_of(tmp_path)
+    with odd_registers(most=most, short=True):
+        status = asked("hand", "status", bus="can")
+        known = asked("hand", "get", "angle_actual", "--model", "tp", bus="can")
+        result, _, _, passed = tried("hand", "set", tmp_path, options=("bus=can",))
+    assert (status.code, result.code) == (5, 5)
+    assert "not-shown" in status.codes() and not status.rows
+    assert (known.code, known.values) == (0, usual)
+    assert not wrote("hand", "set", passed)
+
+
+def test_a_snapshot_of_a_hand_without_the_first_of_its_settings(tmp_path: Path) -> None:
+    """Nothing else was read by then: what follows shows that it is missing, not that nobody is there."""
+    with odd_registers(without=((1032, 12),)):
+        result = asked("hand", "snapshot", str(tmp_path / "file.json"), bus="can")
+        assert asked("hand", "get", "default_speed", "default_force", bus="can").code == 4
+    assert (result.code, "not-on-this-firmware" in result.codes()) == (0, True)
+    assert result.rows and not [row for row in result.rows if row["name"].startswith("default_speed")]
+
+
+@pytest.mark.parametrize("family", ["exo", "hand"])
+def test_a_search_of_all_families_guesses_none(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two bytes at a time show that somebody is there, and not who."""
+    monkeypatch.setattr(stop, "SECONDS", 60.0)
+    name = f"fake://{family}?clock=virtual"
+    with odd_registers(**MOST_2):
+        result, doctor = run("scan", "-p", name, "--json"), run("doctor", "-p", name, "--json")
+        with closing(open_link(name)) as link:
+            assert stop._asked(link, "serial", None, Journal()) is None
+    assert (result.code, [row["family"] for row in result.rows]) == (6, [None])
+    (device,) = [row for row in doctor.rows if row["check"] == "device"]
+    assert (doctor.code, device["status"]) == (7, "warning")
+    with odd_registers(without=((1546, 12),)):
+        assert [row["family"] for row in run("scan", "-p", name, "--json").rows] == [family]

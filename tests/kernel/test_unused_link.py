@@ -27,6 +27,14 @@ OFFLINE = (
     "exo describe",
 )
 """Some of them, so that the tree cannot lose the trait unseen."""
+FILE = "FILE"
+WHEN = {
+    "prove": (("--list", "exo"), ("exo", "--list"), ("diff", FILE, FILE)),
+    "diff": ((FILE, FILE),),
+    "barrett fingertips": (("--positions", "1", "2", "3", "4"),),
+    "barrett diagnose": (("--list",),),
+}
+"""What opens none with these words only; "diff" is that of every family that has one."""
 
 
 @pytest.fixture(autouse=True)
@@ -64,6 +72,26 @@ def test_a_typed_link_is_told_by_all_that_open_none_and_by_no_other(
         assert not offline(leaf) or CODE not in run(*words, "--fake").said, "that names no device"
     assert found == expected
     assert [name for name in OFFLINE if not expected[name]] == [] and len(expected) > 150
+
+
+def when(leaf: Leaf) -> tuple[tuple[str, ...], ...]:
+    """With which words it opens none, though it may with others."""
+    return WHEN.get(" ".join(leaf.words), WHEN.get(leaf.words[-1], ()) if len(leaf.words) == 2 else ())
+
+
+def test_so_is_that_of_a_command_that_opens_none_with_these_words(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    for leaf in leaves(root):
+        assert bool(when(leaf)) == (getattr(leaf.command, "offline_when", None) is not None) or offline(leaf), (
+            leaf.words
+        )
+        for more in when(leaf) if not offline(leaf) else ():
+            words = [*leaf.words, *(str(tmp_path / "file") if word == FILE else word for word in more)]
+            for line in ([*words, "-p", LINK], ["-p", LINK, *words]):
+                told = run(*line)
+                assert (told.code, CODE in told.said) == (0, True), (line, told)
+            assert CODE not in run(*words, "--fake").said, "that names no device"
+            assert CODE not in run(*words, env={"HANDCTL_PORT": LINK}).said
 
 
 @each_row("env", [{"HANDCTL_PORT": LINK}, {"HANDCTL_FAKE": "1"}])

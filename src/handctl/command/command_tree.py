@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import gc
 import importlib
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from handctl.command.run import PlannedAction, Run
     from handctl.model.result import Table
 
-TRAITS = ("heading", "writes", "streams", "stops", "offline", "asks", "family")
+TRAITS = ("heading", "writes", "streams", "stops", "offline", "offline_when", "asks", "family")
 ALONE = ("sim", "completion", "batch", "shell", "service")
 """Commands that are no line of a batch."""
 
@@ -45,17 +45,23 @@ class Command(Described):
     streams  --json means NDJSON
     stops    an emergency, which nothing holds up
     offline  it never opens a link
+    offline_when  (its parameters) -> whether it opens none with these
     asks     it asks first, always or in these words, behind a ";" those of when it does not
     """
 
     streams = False
     stops = False
     asks: bool | str = False
+    offline_when: Callable[[Mapping[str, Any]], bool] | None = None
 
     def __init__(self, *args: Any, **more: Any) -> None:
         vars(self).update({trait: more.pop(trait) for trait in TRAITS if trait in more})
         super().__init__(*args, **more)
         self.wires = self.family.wires if self.family is not None else ()
+
+    def opens_none(self, params: Mapping[str, Any]) -> bool:
+        """Whether it opens no link with these parameters."""
+        return self.offline or (self.offline_when is not None and self.offline_when(params))
 
     @cached_property
     def only_reads(self) -> bool:
@@ -184,7 +190,7 @@ class Group(Described, click.Group):
             if one is not None and not one.hidden
         ]
 
-    def verb(self, name: str, heading: str = "", **traits: bool | str) -> Callable[[Callable[..., Any]], Command]:
+    def verb(self, name: str, heading: str = "", **traits: Any) -> Callable[[Callable[..., Any]], Command]:
         """Decorator: add a leaf command whose body gets the Run first and returns a Table (or None).
 
         A family's command needs a `heading` of HEADINGS, below which the help lists it; `traits` as in `Command`.

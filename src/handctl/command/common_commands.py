@@ -316,6 +316,7 @@ def add_map_verbs(
             more = {
                 "streams": name == "watch",
                 "offline": name in ("describe", "export"),
+                "offline_when": (lambda typed: typed.get("b") is not None) if name == "diff" else None,
                 "asks": asking.get(name, False),
             }
             group.verb(name, heading, writes=writes, **more)(body)

@@ -188,7 +188,8 @@ def check_before(run: Invocation) -> None:
         raise UsageError(
             f"`handctl {run.command}` does not check which device answers", hint="run it without --assume-identity"
         )
-    if getattr(run.context.command, "offline", False):
+    opens_none = getattr(run.context.command, "opens_none", None)
+    if opens_none is not None and opens_none(run.context.params):
         _tell_unused(run)
     if run.stops:
         _let_pass(run)
@@ -213,7 +214,10 @@ def check_before(run: Invocation) -> None:
 def _tell_unused(run: Invocation) -> None:
     """Say that a LINK was typed for nothing; that of a script, the environment, the file or a named device is meant for others too."""
     if "port" in command_line(run.context).levels:
-        text = f"`handctl {run.command}` opens no link: -p {run.settings.port} was not used, and no device was asked"
+        here = "" if getattr(run.context.command, "offline", False) else " for this"
+        text = (
+            f"`handctl {run.command}` opens no link{here}: -p {run.settings.port} was not used, and no device was asked"
+        )
         run.journal.warn("link-unused", text, "leave it out")
 
 

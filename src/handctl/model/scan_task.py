@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from handctl.errors import HandctlError
     from handctl.model.result import Row
 
+LABEL_HINT = "check the label on the device: its replies do not show which device it is"
 NOT_ASKED = "not-asked"
 """Code of a family that a search of all families passes over on a link, because its question may harm a stranger there."""
 

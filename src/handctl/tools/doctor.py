@@ -25,6 +25,7 @@ from handctl.families import FAMILIES, SCAN_ORDER, WIRES
 from handctl.link import ByteLink, Deadline, Link
 from handctl.model.check_rows import Check, table_of
 from handctl.model.result import Journal, Table
+from handctl.model.scan_task import LABEL_HINT
 from handctl.system import advice
 from handctl.tools import port_problems
 from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
@@ -375,6 +376,8 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
         where = "".join(
             (f" with id {row['id']}" if row["id"] is not None else "", f" at {speed} bit/s" if speed else "")
         )
+        if row["family"] is None:
+            return "", None, Check("device", "warning", f"an unknown device{where}: {row['evidence']}", LABEL_HINT)
         return row["family"], row["id"], Check("device", "ok", f"{row['family']}{where}: {row['evidence']}")
     for step, error in search.met.items():
         if error.code in DESTROYED:

@@ -5,7 +5,7 @@ The experiments are rows of the families, in their module `proofs`; when an answ
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -37,7 +37,11 @@ def _own_of_writing(body: Callable[..., Any]) -> Callable[..., Any]:
     return body
 
 
-@click.command("prove", cls=Command, writes=True, asks="with any --level but read")
+def _opens_none(params: Mapping[str, Any]) -> bool:
+    return bool(params["listing"]) or params["what"] == DIFF
+
+
+@click.command("prove", cls=Command, writes=True, asks="with any --level but read", offline_when=_opens_none)
 @click.argument("what", type=click.Choice([*FAMILIES, DIFF]), metavar=f"FAMILY|{DIFF}", required=False)
 @click.argument("files", nargs=-1, type=InFile(), metavar="[A B]")
 @click.option("--list", "listing", is_flag=True, help="List the experiments and send nothing. Needs no device.")

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from handctl.errors import HandctlError, Hint, Interrupted, NoAnswer, ProtocolError, joined
+from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, NoAnswer, ProtocolError, joined
 from handctl.model.device import OTHER_FORM
 from handctl.model.result import Column, Journal, LineQuality, Row, Table, hex_bytes
-from handctl.model.scan_task import NOT_ASKED
+from handctl.model.scan_task import LABEL_HINT, NOT_ASKED
 from handctl.wording import plural
 
 TALKATIVE = 16
@@ -88,7 +88,12 @@ def report(searches: Sequence[Search], families: Sequence[str], journal: Journal
     elif not table.rows:
         table.failure = errors[0] if len(errors) == 1 else _none(errors)
     elif all(row["family"] not in families for row in table.rows):
-        table.failure = next(search.verdict for search in searches if search.verdict is not None)
+        found = next((search.verdict for search in searches if search.verdict is not None), None)
+        table.failure = found or DeviceRefused(
+            joined("a device replies that is of none of the families asked for", str(table.rows[0]["evidence"])),
+            hint=LABEL_HINT,
+            code="unknown-device",
+        )
     table.extra = {
         "scan": {
             "links": [search.link for search in searches],

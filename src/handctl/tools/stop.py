@@ -166,6 +166,6 @@ def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row |
             if exc.code == "boot-monitor":
                 return None  # what comes next could be a trigger
             continue
-        if rows:
+        if rows and rows[0].get("family", step.family) is not None:
             return {"family": step.family, "evidence": "", **rows[0], "baud": speed}
     return None

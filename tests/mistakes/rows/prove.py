@@ -12,6 +12,15 @@ BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
 
 ROWS = (
     mistake(
+        "a-link-typed-for-prove-diff-is-passed-over",
+        "swallowed error",
+        "handctl.tools.prove",
+        "_opens_none",
+        'return bool(params["listing"]) or params["what"] == DIFF',
+        'return bool(params["listing"])',
+        "tests/kernel/test_unused_link.py::test_so_is_that_of_a_command_that_opens_none_with_these_words",
+    ),
+    mistake(
         "a-finger-that-does-not-move-is-at-a-clamped-stop",
         "evidence believed",
         OF_BARRETT,

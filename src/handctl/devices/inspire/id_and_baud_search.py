@@ -5,7 +5,8 @@ request and names its id. One id is asked at a time, with room for its answer on
 no probe on two wires (RS-485) either, and one that arrives here later still names its id, and counts whenever it comes.
 
 An answer to a probe may be late: that of an earlier speed. So a hit is confirmed by another register and length, which no
-earlier probe asked (`fresh`), at this speed and then at those before. The first hit measures the line (`measure`).
+earlier probe asked (`FRESH`), at this speed and then at those before; who does not have that is asked for others, and for no more
+bytes than at first (`FRESH_SHORT`). The first hit measures the line (`measure`).
 
 At the slower speeds of a line that carries both directions (RS-232) no room is left. A delay that varies may push probes together: with `thorough`, a silent line is asked again with more time between them.
 
@@ -24,9 +25,9 @@ from typing import NamedTuple
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.can_bus import HINTS, NO_ACK_HINT, CanBus, bus_failure, said_damaged
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.identity import WRIST, IdentityCheck, Kind
+from handctl.devices.inspire.identity import NOT_SHOWN, WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import QUIET_SECONDS
-from handctl.devices.inspire.register_bus import FRESH, READS, Span, ahead, at_speed, other_speed, question
+from handctl.devices.inspire.register_bus import FRESH, FRESH_SHORT, READS, Span, ahead, at_speed, other_speed, question
 from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, headless
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
@@ -44,12 +45,12 @@ TRICKLE_SECONDS = 0.2
 
 @dataclass(slots=True)
 class Findings:
-    """What a scan saw: `hits` (speed, id, value of the probed register), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
+    """What a scan saw: `hits` (speed, id, value of the probed register, None = not read), `twins`, replies with a wrong sum by id (`damaged`), answers under an id that
     does not answer when asked alone (`foreign`), ids whose answers lack their first byte (`headless`), what kind of device each hit is (`kinds`, None =
     unknown), `echo`, bytes of no reply (`garbage`, and the last of them, `came`), whether the deadline of the command `cut` it off, probes used, and the seconds of each
     id where they were asked with more time (`single`). The speed of a hit is None where it does not matter."""
 
-    hits: list[tuple[int | None, int, int]] = field(default_factory=list)
+    hits: list[tuple[int | None, int, int | None]] = field(default_factory=list)
     twins: set[tuple[int | None, int]] = field(default_factory=set)
     unconfirmed: list[tuple[int | None, int]] = field(default_factory=list)
     damaged: dict[int, int] = field(default_factory=dict)
@@ -78,9 +79,11 @@ class Requester:
         self._bus = bus
         self._wait = wait
         self._firsts = {*READS[bus.read_flag], probe}
-        self._prefixes = _prefixes((*sorted(self._firsts), *FRESH[bus.read_flag]), bus.read_flag)
+        self._younger = (*FRESH[bus.read_flag], *FRESH_SHORT[bus.read_flag])
+        self._prefixes = _prefixes((*sorted(self._firsts), *self._younger), bus.read_flag)
         self._decoder = Decoder(self._prefixes)
-        self._fresh = 0
+        self._turn = 0
+        self._short = set[int]()  # ids that answer `FRESH_SHORT`, and not `FRESH`
         self._lately = b""  # what was sent: an echo may be as late as an answer
         self._seen: dict[tuple[int, Span], bytes] = {}  # answers that came since they were last waited for
         self.others_at: int | None = None  # the speed at which others were understood
@@ -163,7 +166,7 @@ class Requester:
         """Whose bytes of no reply are: an answer without its first byte, or another conversation."""
         self.found.came = (self.found.came + received)[-256:]
         self.found.headless |= {frame.id for frame in headless(received) if _span(frame) in self._firsts}
-        known = {*self._firsts, *FRESH[self._bus.read_flag]}
+        known = {*self._firsts, *self._younger}
         if frames_of_others(received, self._lately, lambda frame: _span(frame) in known):
             self.line.others, self.others_at = True, self._bus.link.baud
 
@@ -186,14 +189,17 @@ class Requester:
         named = self._decoder.rejected[2]
         self.found.damaged[named] = self.found.damaged.get(named, 0) + 1
 
-    def _ask(self, device_id: int, waits: Sequence[float], span: Span | None = None) -> bool:
-        """Ask one id for `span`, else for a register and length that it was not asked lately, until an answer comes."""
+    def _ask(self, device_id: int, waits: Sequence[float], span: Span | None = None, *, first: bool = False) -> bool:
+        """Ask one id for `span`, else for a register and length that it was not asked lately, until an answer comes.
+
+        first  it is not known which registers it has: behind the first question it is asked for others
+        """
         bus, flag = self._bus, self._bus.read_flag
         asked: dict[tuple[int, Span], float] = {}
-        for wait in waits:
+        for number, wait in enumerate(waits):
             if self._cut():
                 break
-            this = span or self._another()
+            this = span or self._another(short=(first and number > 0) or device_id in self._short)
             asked[device_id, this] = bus.link.now()
             self._seen.pop((device_id, this), None)
             request = eb90.read_request(device_id, *this, flag)
@@ -203,6 +209,8 @@ class Requester:
                 if each in self._seen:
                     if span is None:
                         self.line.trips.add(bus.link.now() - at)
+                        if each[1] in FRESH_SHORT[flag]:
+                            self._short.add(device_id)
                     return True
         return False
 
@@ -211,10 +219,12 @@ class Requester:
         self.found.cut = self._bus.over
         return self.found.cut
 
-    def overlaps(self, device_id: int, count: int) -> bool:
-        """Whether the first of several questions without a pause is answered: both directions at once."""
+    def overlaps(self, device_id: int, count: int, *, short: bool = False) -> bool:
+        """Whether the first of several questions without a pause is answered: both directions at once. `short`: it is one of `FRESH_SHORT`."""
         bus = self._bus
-        asked = [(device_id, self._another()) for _ in range(min(count, len(FRESH[bus.read_flag])))]
+        short = short or device_id in self._short
+        count = min(count, len(FRESH[bus.read_flag]))
+        asked = [(device_id, self._another(short=short and number == 0)) for number in range(count)]
         for each in asked:
             self._seen.pop(each, None)
         requests = b"".join(eb90.read_request(device_id, *span, bus.read_flag) for _, span in asked)
@@ -222,11 +232,11 @@ class Requester:
         self._collect({}, wire + self._patience(0.0), requests, until=asked[:1])
         return asked[0] in self._seen
 
-    def _another(self) -> Span:
+    def _another(self, *, short: bool = False) -> Span:
         """A register and a length that no question has had for long."""
-        spans = FRESH[self._bus.read_flag]
-        self._fresh += 1
-        return spans[self._fresh % len(spans)]
+        spans = (FRESH_SHORT if short else FRESH)[self._bus.read_flag]
+        self._turn += 1
+        return spans[self._turn % len(spans)]
 
 
 def _span(frame: Frame) -> Span:
@@ -282,6 +292,7 @@ class ScanRequest:
     """What is wanted of the scan of one line.
 
     own, probe, twin  who is looked for, and what he is asked, see `scan.Target`
+    typed     the user named him: where nothing shows who answers, it is he
     find_all  the first hit does not end it
     thorough  silence is asked again, with more patience
     silence   for so many seconds a line is asked on which nobody is heard, None = until all were asked
@@ -295,6 +306,7 @@ class ScanRequest:
     probe: Span
     twin: Span
     find_all: bool
+    typed: bool = True
     thorough: bool = True
     silence: float | None = None
     between: Callable[[], bool] | None = None
@@ -493,9 +505,9 @@ class Scanner(Requester):
         if self._known(speed, device_id):
             return True
         patience = self._patience(CONFIRM_SECONDS[0])
-        if not self._ask(device_id, (patience, 2 * patience), self._want.probe):
-            return False
-        value = int.from_bytes(self._seen[device_id, self._want.probe], "little", signed=True)
+        value = None
+        if self._ask(device_id, (patience, 2 * patience), self._want.probe):
+            value = int.from_bytes(self._seen[device_id, self._want.probe], "little", signed=True)
         self._measure(device_id, speed)
         if self.line.speed_matters is False:
             speed = None
@@ -510,7 +522,7 @@ class Scanner(Requester):
     def _place(self, speed: int | None, device_id: int) -> bool:
         """Whether this id gives a younger answer, at this speed or at one before; the port stays there."""
         waits = [self._patience(wait) for wait in CONFIRM_SECONDS]
-        if self._ask(device_id, waits):
+        if self._ask(device_id, waits, first=True):
             return True
         for before in [each for each in reversed(self._asked) if each != speed]:
             self._bus.link.set_baud(before)
@@ -539,7 +551,8 @@ class Scanner(Requester):
         except NoAnswer:
             return self._want.own, ""  # it answered before: nothing contradicts it
         except ProtocolError as exc:
-            return (None, exc.text) if exc.code == "unknown-device" else (self._want.own, "")
+            open_ = exc.code == "unknown-device" or (exc.code == NOT_SHOWN and not self._want.typed)
+            return (None, exc.text) if open_ else (self._want.own, "")
 
     def _collided(self, speed: int | None) -> bool:
         """Whether two devices with one id answer at this speed: each answer is damaged, but for those that are alike."""
@@ -586,11 +599,16 @@ TIMED = 3
 
 
 class CanSearch:
-    """Probes of ids back to back, of a span of two bytes or more; a late reply names its id and counts in any later window."""
+    """Probes of ids back to back, of a span of two bytes or more; a late reply names its id and counts in any later window.
+
+    Another register confirms: its answer is no late one to the first. Who does not have the next one is asked for those that
+    every device of the family has.
+    """
 
     def __init__(self, bus: CanBus, span: Span, what: str) -> None:
         self._bus = bus
-        self._spans = (span, (span[0] + 2, span[1]))  # the second confirms: its answer is no late one to the first
+        others = [one for one in bus.first_questions if one[0] != span[0]]
+        self._spans = (span, (span[0] + 2, span[1]), *others)
         self._what = what
         self._wanted: dict[int, tuple[int, Span]] = {}
         self._asked: dict[int, float] = {}
@@ -614,44 +632,47 @@ class CanSearch:
         for number, chunk in enumerate(chunks):
             last = number + 1 == len(chunks)
             usual = max(wait or (WAIT if number else FIRST), DRAIN + 2 * self._worst if last else 0.0)
-            answered = self._ask(chunk, usual)
+            answered = self._ask(chunk, usual, self._spans[0])
             if last and not found and not answered:
                 answered = self._collect({}, LATE, ())
             for device_id in sorted(answered):
-                if device_id not in found and self._confirmed(device_id):
+                span = None if device_id in found else self._confirmed(device_id)
+                if span is not None:
                     found.append(device_id)
+                    for _ in range(0 if find_all else TIMED):
+                        self._timed(device_id, span)
                 if found and not find_all:
-                    for _ in range(TIMED):
-                        self._timed(device_id)
                     return found
             self.cut = self._bus.over and not last
             if self.cut:
                 break
         return found
 
-    def _confirmed(self, device_id: int) -> bool:
-        self._bus.drain()
-        if self._timed(device_id):
-            return True
+    def _confirmed(self, device_id: int) -> Span | None:
+        """What this id answers when it is asked alone; None = nothing, and it is told."""
+        for span in self._spans[1:]:
+            self._bus.drain()
+            if self._timed(device_id, span):
+                return span
         self._lone.append(device_id)
         self._bus.journal.warn(
             "unconfirmed", f"id {device_id} replied once, but not when handctl asked it alone, so it is not counted"
         )
-        return False
+        return None
 
-    def _timed(self, device_id: int) -> bool:
+    def _timed(self, device_id: int, span: Span) -> bool:
         """Ask one id alone: the time of its answer is that of the bus."""
         if self._bus.over:
             return False
         started, own = self._bus.link.now(), self._own
-        answered = self._ask([device_id], max(WAIT + DRAIN, 2 * self._worst), again=True)
+        answered = self._ask([device_id], max(WAIT + DRAIN, 2 * self._worst), span)
         if device_id not in answered:
             return False
         self._bus.learn(self._bus.link.now() - started, echo=self._own > own)
         return True
 
-    def _ask(self, ids: Sequence[int], seconds: float, *, again: bool = False) -> set[int]:
-        bus, span = self._bus, self._spans[again]
+    def _ask(self, ids: Sequence[int], seconds: float, span: Span) -> set[int]:
+        bus = self._bus
         for device_id in ids:
             identifier = can_frames.read_request(device_id, *span, bus.read_flag)[0]
             self._wanted[identifier] = device_id, span
@@ -659,7 +680,7 @@ class CanSearch:
             bus.link.send(CanFrame(identifier, bytes([span[1]])), bus.deadline(1.0))
         bus.journal.counters.sent += len(ids)
         self.probes += len(ids)
-        return self._collect(set(ids), seconds, self._spans if not again else (span,))
+        return self._collect(set(ids), seconds, self._spans if span == self._spans[0] else (span,))
 
     def _collect(self, wanted: Collection[int], seconds: float, spans: Collection[Span]) -> set[int]:
         """Listen for answers, until all of `wanted` have come: they count where they answer one of `spans`, () = any."""

@@ -48,6 +48,14 @@ FRESH: dict[int, tuple[Span, ...]] = {
 
 For an id that has answered: an answer to one of these is younger than that to any first question.
 """
+FRESH_SHORT: dict[int, tuple[Span, ...]] = {
+    eb90.READ: tuple((register + start, 2) for start in range(0, 10, 2) for register in (1582, 1594)),
+    eb90.WRIST_READ: ((1022, 2), (1020, 2)),
+}
+"""Read flag -> the same of other registers, and no longer than a first question (force_actual and current, exo §2.3; angles, wrist §2.1).
+
+For one that answers none of `FRESH`: it lacks that register, or answers shorter reads only.
+"""
 
 
 @cache

@@ -101,9 +101,9 @@ class BlockReader:
         """Read `registers` into `memory`. Groups that fail are in its `errors`; raises when nothing at all could be read."""
         memory = Memory() if memory is None else memory
         first: HandctlError | None = None
-        blocks = plan(tuple(registers), self._bus.max_count)
+        blocks = list(plan(tuple(registers), self._bus.max_count))
         if len(blocks) > 1:  # what a stranger would act upon is not asked first
-            blocks = sorted(blocks, key=lambda block: not self._bus.quiet(block.address, block.size))
+            blocks.sort(key=lambda block: not self._bus.quiet(block.address, block.size))
         for block in blocks:
             try:
                 if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
@@ -113,6 +113,9 @@ class BlockReader:
                 if (isinstance(exc, NoAnswer) or len(exc.came) > FLOOD) and not memory.blocks:
                     if first is not None:
                         raise first from exc  # what came before tells more than the silence behind it
+                    if len(block.groups) == 1 < len(blocks) and self._anybody(block, memory):
+                        blocks.append(block)  # behind the others, it shows whether it is this alone that is silent
+                        continue
                     raise  # nobody there: asking for the rest would only take longer
                 first = first or exc
                 memory.errors.update((group.name, exc) for group in block.groups)

@@ -119,7 +119,8 @@ class Sweep:
         self.names = " or ".join(self.families)
         # Of several one is asked for whose question the others answer as well, and who answers is looked at.
         self.lead = next((target for target in targets if target.own is not WRIST), targets[0])
-        self.own = self.lead.own if self.lead.own is WRIST or (len(targets) == 1 and additional is None) else EXO
+        self.typed = len(targets) == 1 and additional is None
+        self.own = self.lead.own if self.lead.own is WRIST or self.typed else EXO
         self.look = next((target.look for target in targets if target.look is not None), None)
         spoken = {target.spoken(link.name, task.own.get("protocol")) for target in targets}
         self.tcp, self.rtu, self.eb90 = "tcp" in spoken, bool(spoken & {"auto", "modbus"}), spoken != {"modbus"}
@@ -205,6 +206,7 @@ class Sweep:
             probe=target.probe,
             twin=target.twin,
             own=self.own if lead else target.own,
+            typed=self.typed,
             thorough=task.silence is None,
             silence=None if task.silence is None else max(0.0, task.silence - self._seconds),
             between=self._between if self.rtu and lead else None,
@@ -220,6 +222,8 @@ class Sweep:
         for speed, device_id, value in found.hits:
             kind, shown = found.kinds.get((speed, device_id), (target.own, ""))
             read = f"{target.value} reads {value}, asked twice"
+            if value is None:
+                read = f"replies to other reads, asked twice, but not to that of {target.value}"
             who: WHO | None = None
             if kind is not None:
                 who = kind, None, f"{kind.words}: {shown}" if kind is not target.own else ""
@@ -324,6 +328,7 @@ class Sweep:
                 continue
             bus = CanBus(link, self.ids[0], self.journal, retries=0, bound=self.bound, family=target.family)
             search = CanSearch(bus, target.can, target.family)
+            probed = target.value if target.can == target.probe else f"register {target.can[0]}"
             task.progress(f"ids {self.ids[0]} to {self.ids[-1]} of {target.family}")
             found = search.run([number for number in self.ids if number not in known], task.find_all, task.patience)
             known += found
@@ -332,11 +337,8 @@ class Sweep:
                 here.timeout = max(here.timeout, 1.5 * self.journal.line.worst + 0.1)
                 who = self._looked(here) if target.look is not None else None
                 read = int.from_bytes(search.values[number], "little", signed=True)
-                shown = "" if target.look is not None else f"{target.value} reads {read}, asked twice"
-                self._row(who or (target.own, None, shown), None, number, "can", "")
-            summary = (
-                f"{search.probes} read-only probes of {target.value}, {span_text(self.ids)}, {self._seconds:.2f} s"
-            )
+                self._row(who or (target.own, None, f"{probed} reads {read}, asked twice"), None, number, "can", "")
+            summary = f"{search.probes} read-only probes of {probed}, {span_text(self.ids)}, {self._seconds:.2f} s"
             summary += ", ended by --deadline before all were asked" if search.cut else ""
             self.journal.info("scanned", summary)
             task.facts |= {"probes": search.probes, "error_frames": search.errors}
@@ -563,7 +565,7 @@ class Probing:
             for _ in range(2):
                 bus.read(*self.long, retries=0)
         asker = Requester(bus, ASIDE, self.target.probe)
-        line.half_duplex = not any(asker.overlaps(bus.id, BURST) for _ in range(2))
+        line.half_duplex = not any(asker.overlaps(bus.id, BURST, short=short) for short in (False, True))
         line.others = bool(line.others)
         bus.drain()
 

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.register_bus import FEWER, FRESH, ByteBus, ahead, question
+from handctl.devices.inspire.register_bus import FEWER, FRESH, FRESH_SHORT, ByteBus, ahead, question
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
@@ -203,6 +203,8 @@ class SerialBus(ByteBus):
     check_id = staticmethod(eb90.check_id)
     only_reads = staticmethod(eb90.only_reads)
     _fresh = 0
+    _short = False
+    """Whether the next question of `pace` is a short one."""
     _disturbed = False
     """A request of somebody else came instead of an answer: perhaps it goes on."""
 
@@ -381,9 +383,10 @@ class SerialBus(ByteBus):
     def pace(self, seconds: float) -> float | None:
         """Seconds until the answer to a question that was not asked lately: no late answer to another one passes for it.
 
-        For an id that has answered, or that no stranger's place is. None when no answer came within `seconds`.
+        For an id that has answered, or that no stranger's place is. None when no answer came within `seconds`: then the next
+        question is for another register, and short.
         """
-        spans = FRESH[self.read_flag]
+        spans = (FRESH_SHORT if self._short else FRESH)[self.read_flag]
         self._fresh += 1
         span = spans[self._fresh % len(spans)]
         self.check_bound()
@@ -392,6 +395,7 @@ class SerialBus(ByteBus):
         self.send(eb90.read_request(self.id, *span, self.read_flag))
         frame = self.listen([eb90.read_reply_prefix(self.id, *span, self.read_flag)], seconds)
         if frame is None:
+            self._short = not self._short
             return None
         self.round_trip = self.link.now() - started
         self.journal.line.trips.add(self.round_trip)

@@ -136,7 +136,7 @@ def add_care_commands(group: Group) -> None:
         run.streams = live and not run.settings.dry_run
         return PlannedAction(gauges.preparation_steps, measure)
 
-    @group.verb("fingertips", "Inspect")
+    @group.verb("fingertips", "Inspect", offline_when=lambda typed: typed["positions"] is not None)
     @click.option(
         "--positions",
         nargs=4,
@@ -181,7 +181,7 @@ def add_care_commands(group: Group) -> None:
         hand = run.device()
         return get_set_watch.within(bounds, tips.stream(hand, **timing) if live else tips.now(hand))
 
-    @group.verb("diagnose", "Service", writes=True, asks="with `--move`")
+    @group.verb("diagnose", "Service", writes=True, asks="with `--move`", offline_when=lambda typed: typed["listed"])
     @click.argument("symptom", required=False)
     @click.option("--list", "listed", is_flag=True, help="List the symptoms in the manual. Needs no device.")
     @click.option(

@@ -276,7 +276,7 @@ TARGET = Target(
     value="system_voltage",
     silence_hint=SILENCE_HINTS["hand"].replace("--id 1 at 115200 bit/s, {}, ", ""),
     speeds=(115200, 921600, 57600, 19200),
-    can=ANGLES,
+    can=(ANGLES[0], 2),
     look=who,
     spoken=protocol_of_link,
 )
