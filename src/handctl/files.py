@@ -92,11 +92,45 @@ def read(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", 
 
 
 def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str = CHECK_NAME, code: str = "") -> str:
-    """The same as text in UTF-8."""
+    """The same as text in UTF-8, without the byte order mark that some editors put in front."""
     try:
-        return read(path, what, most, hint=hint, code=code).decode("utf-8")
+        return read(path, what, most, hint=hint, code=code).decode("utf-8-sig")
     except UnicodeDecodeError as exc:
         raise UsageError(f"{path}: not a text in UTF-8: not {what}", hint=hint, code=code) from exc
+
+
+BYTE_ORDER_MARK = "\ufeff"
+
+
+def text_lines(text: str) -> list[str]:
+    """The lines of a text. Only LF, CR LF and CR end one.
+
+    `str.splitlines` ends one at ten more characters, such as a form feed or U+2028: what follows it in a comment would be a line.
+    """
+    return text.replace("\r\n", "\n").replace("\r", "\n").removesuffix("\n").split("\n") if text else []
+
+
+def refuse_controls(text: str) -> None:
+    """Raise UsageError for a line to send or run that has a control character or a line separator other than a tab.
+
+    An editor may show one as the end of the line: then its author saw another line.
+    """
+    for one in "" if text.isprintable() else text:
+        if one != "\t" and (one < " " or "\x7f" <= one < "\xa0" or one in "\u2028\u2029"):
+            raise UsageError(
+                f"the line contains the control character {one!a}",
+                hint="remove it. If a new line was meant, end the line with a line feed. Nothing was sent.",
+                code="control-character",
+            )
+
+
+def unmarked(lines: Iterable[str]) -> Iterator[str]:
+    """The same lines, the first one without a byte order mark: stdin and pipes, where `read_text` doesn't read them."""
+    rest = iter(lines)
+    for line in rest:
+        yield line.removeprefix(BYTE_ORDER_MARK)
+        break
+    yield from rest
 
 
 PAGE = "<!DOCTYPE html>"

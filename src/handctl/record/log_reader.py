@@ -175,7 +175,7 @@ class LogFile:
         self._say: Callable[[Channel, str, float], Any] | None = None
         self._tables: dict[object, Meanings | Checked] = {}
         with opened(path, "a log", hint=Hint("{} makes one", f"{kind} log {path}")) as file:
-            header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
+            header = file.readline(LONGEST_LINE).decode("utf-8-sig", "replace")
         try:
             names = next(csv.reader([header.rstrip("\r\n")]), [])
         except csv.Error as exc:

@@ -10,6 +10,24 @@ RENDER = "handctl.screen.render"
 
 ROWS = (
     mistake(
+        "text-after-a-form-feed-is-a-line",
+        "safety check missing",
+        "handctl.files",
+        "text_lines",
+        'return text.replace("\\r\\n", "\\n").replace("\\r", "\\n").removesuffix("\\n").split("\\n") if text else []',
+        "return text.splitlines()",
+        "tests/kernel/test_text_lines.py::test_what_follows_in_a_comment_is_a_comment",
+    ),
+    mistake(
+        "line-with-a-control-character-is-run",
+        "safety check missing",
+        "handctl.command.command_lines",
+        "split_line",
+        "refuse_controls(word)",
+        "pass",
+        "tests/kernel/test_text_lines.py::test_a_line_with_one_is_refused_before_anything_is_sent",
+    ),
+    mistake(
         "one-damaged-reply-is-a-form",
         "evidence believed",
         "handctl.model.device",

@@ -77,7 +77,7 @@ def load(path: str, device: Model) -> bool:
             content = file.read(MOST + 1)
         if len(content) > MOST:
             raise ValueError(f"state file {path} cannot be read: larger than {MOST // 1_000_000} MB")
-        text = content.decode("utf-8")
+        text = content.decode("utf-8-sig")
     except FileNotFoundError:
         return False
     except (OSError, UnicodeDecodeError) as exc:

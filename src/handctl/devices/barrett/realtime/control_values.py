@@ -24,7 +24,7 @@ from typing import Any
 from handctl.devices.barrett.gcl.codec import MOTORS, motor_prefix
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, LIMITS, Values, check_control, selections, still
 from handctl.errors import NoAnswer, UsageError
-from handctl.files import is_pipe, read_text
+from handctl.files import is_pipe, read_text, unmarked
 from handctl.number_parsing import real_in
 from handctl.system import clock, disk
 from handctl.system.waits import gives
@@ -184,7 +184,9 @@ def parse(
     lines: Iterable[str], where: str, motors: Sequence[int], start: Change, columns: Collection[str] = ()
 ) -> Controls:
     """A schedule or live controls from CSV or JSON lines, with further `columns`. Raises UsageError with the line number."""
-    numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
+    numbered = (
+        (number, line) for number, line in enumerate(unmarked(lines), 1) if line.strip() and not line.startswith("#")
+    )
     first = next(numbered, None)
     if first is None:
         raise UsageError(f"{where}: no rows", hint="begin with a header such as t,velocity.F1, then rows of numbers")
@@ -409,7 +411,7 @@ def _from_file(
         controls = parse(lines, "stdin" if path == "-" else path, motors, start, columns)
         lines.begun = True
         return controls
-    text = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
+    text = io.StringIO(read_text(path, "a control file", 16_000_000), newline=None)
     controls = parse(text, path, motors, start, columns)
     if controls.live:
         raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
