@@ -69,11 +69,13 @@ def test_a_line_with_one_is_refused_before_anything_is_sent(one: str, tmp_path: 
     trace = tmp_path / "t"
     for text in (f"FGET P\nFGET P{one}C\n", f"FGET P\nFGET P{one}\n", f"FGET P\n{one}C\n"):
         for name, words, stdin in scripts(text, tmp_path):
-            assert run(*words, "-y", "--trace", trace, stdin=stdin).code == 2, (name, text)
+            result = run(*words, "-y", "--trace", trace, stdin=stdin)
+            assert (result.code, result.said[-1]) == (2, "control-character"), (name, text)
             assert not trace.exists()
     for text in (f"barrett get P{one}barrett close", f"barrett get P{one}", f"{one}barrett close"):
         for name, words, stdin in batches(text, tmp_path):
-            assert run(*words, "-y", "--trace", trace, stdin=stdin).code == 2, (name, text)
+            result = run(*words, "-y", "--trace", trace, stdin=stdin)
+            assert (result.code, result.said[-1]) == (2, "control-character"), (name, text)
             assert not trace.exists()
 
 
