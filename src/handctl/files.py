@@ -182,9 +182,9 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
     replaced. `mode` "w" is UTF-8 with line ends as they come, and \\udcff for a byte of a file name that is none, or "wb".
     Raises OSError.
     """
-    how = {} if "b" in mode else {"encoding": "utf-8", "errors": "backslashreplace", "newline": ""}
+    text = {"encoding": "utf-8", "errors": "backslashreplace", "newline": ""}
     if os.path.exists(path) and not os.path.isfile(path):
-        with open(path, mode, opener=at_once, **how) as file:  # type: ignore[call-overload]
+        with open(path, mode, opener=at_once, **({} if "b" in mode else text)) as file:  # type: ignore[call-overload]
             yield file
         return
     target = os.path.realpath(path)
@@ -192,17 +192,37 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
     try:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(part)  # of a process of this number that was killed
-        with open(part, mode.replace("w", "x"), **how) as file:  # type: ignore[call-overload]
+        raw = _Part(part, "x")
+        buffered = io.BufferedWriter(raw)
+        with buffered if "b" in mode else io.TextIOWrapper(buffered, **text) as file:  # type: ignore[arg-type]
             with contextlib.suppress(FileNotFoundError):
                 _inherit(os.stat(target), part)
             yield file
             file.flush()
+            if raw.failure is not None:  # the body went on, or its buffer has been emptied
+                raise raw.failure
             disk.sync(file.fileno())
         os.replace(part, target)
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(part)
         raise
+
+
+class _Part(io.FileIO):
+    """A file that remembers that it could not be written: what comes in its place must have all of it.
+
+    A buffer may drop what it could not write, and who writes may go on: then a shorter file would look complete.
+    """
+
+    failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError as exc:
+            self.failure = exc
+            raise
 
 
 @contextlib.contextmanager

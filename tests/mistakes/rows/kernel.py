@@ -10,6 +10,24 @@ RENDER = "handctl.screen.render"
 
 ROWS = (
     mistake(
+        "file-that-found-no-room-takes-the-place-of-the-old-one",
+        "swallowed error",
+        "handctl.files",
+        "atomic_write",
+        "if raw.failure is not None:  # the body went on, or its buffer has been emptied",
+        "if False:",
+        "tests/kernel/test_full_disk.py::test_a_failure_that_the_body_ignored_leaves_the_old_one",
+    ),
+    mistake(
+        "trace-without-room-says-that-the-command-continued",
+        "false message",
+        "handctl.link.transcript",
+        "TraceFile.__init__",
+        'raise self._failed(exc, "Nothing was sent.") from exc',
+        "raise self._failed(exc, CONTINUED) from exc",
+        "tests/kernel/test_full_disk.py::test_a_trace_without_room_sends_nothing_and_says_so",
+    ),
+    mistake(
         "text-after-a-form-feed-is-a-line",
         "safety check missing",
         "handctl.files",
