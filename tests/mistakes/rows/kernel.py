@@ -10,6 +10,15 @@ RENDER = "handctl.screen.render"
 
 ROWS = (
     mistake(
+        "rest-of-a-movement-offered-on-its-own",
+        "safety check missing",
+        "handctl.model.write_ledger",
+        "Ledger.plan",
+        "self._moves = self._moves or any(step.moves for step in steps)",
+        "pass",
+        "tests/kernel/test_write_ledger.py::test_the_rest_of_a_movement_is_never_to_be_sent_on_its_own",
+    ),
+    mistake(
         "file-that-found-no-room-takes-the-place-of-the-old-one",
         "swallowed error",
         "handctl.files",
