@@ -8,6 +8,24 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "reply-that-still-arrives-is-a-wrong-speed",
+        "false message",
+        "handctl.devices.inspire.serial_bus",
+        "SerialBus._failure",
+        "if self._slow:",
+        "if False:",
+        "tests/inspire/test_serial_bus.py::test_a_reply_that_is_still_arriving_is_no_wrong_speed",
+    ),
+    mistake(
+        "supply-of-ff-ff-is-healthy",
+        "evidence believed",
+        "handctl.devices.inspire.exo.device",
+        "_plausible",
+        "return value > 0  # FF FF is what a register reads that nothing has filled",
+        "return value != 0",
+        "tests/inspire/test_exo.py::test_ranges_of_the_manual_are_the_measure",
+    ),
+    mistake(
         "inspire-a-hit-is-looked-at-at-the-speed-of-the-port",
         "swallowed error",
         "handctl.devices.inspire.scan",

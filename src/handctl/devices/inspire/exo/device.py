@@ -273,12 +273,12 @@ def _plausible(reading: Reading) -> bool:
     value = reading.value
     assert value is not None
     if reading.element.param.name == "system_voltage":
-        return value != 0
+        return value > 0  # FF FF is what a register reads that nothing has filled
     return reading.element.param.allowed(value)
 
 
 def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
-    """Findings: error bits, values outside the documented range, a supply reading of 0."""
+    """Findings: error bits, values outside the documented range, a supply reading of 0 or below (FF FF)."""
     by_name = {reading.element.full_name: reading.value for reading in readings}
     found = []
     for reading in readings:
@@ -381,7 +381,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
         prompts.say(f"The hand reported the end after {seconds:.1f} s.")
         hand.journal.ledger.confirm("its end was reported", since=begun)
     else:
-        bus.out_of_time("the end of the calibration. The calibration is still running")
+        bus.out_of_time("the end of the calibration, which is still running", "its end")
         if lost is not None:
             raise lost.reworded(
                 f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
