@@ -248,7 +248,9 @@ class LogFile:
             whole = f"{self.path} is incomplete: {', '.join(self.missing)}. See its sidecar for details"
             return (whole,) if self.missing else ()
         cut = ". Its last row was unfinished and was skipped" if self.cut else ""
-        return (f"{self.path} was never closed, because handctl was killed or is still running{cut}",)
+        full = "its sidecar could not be written at the end: the disk was probably full"
+        why = full if self.sidecar.get("ended") else "handctl was killed or is still running"
+        return (f"{self.path} was never closed, because {why}{cut}",)
 
     def without(self, segment: int | None) -> UsageError:
         """The error for a log that has no such rows."""
