@@ -424,19 +424,20 @@ def _from_file(
 LONGEST_LINE = 65_536
 """Bytes of one line."""
 SILENCE = 30.0
-"""Seconds without a line, before the hand is touched, after which nobody is there to send any."""
+"""Seconds within which the values must have arrived, before the hand is touched, where no --deadline says otherwise."""
 
 
 class Lines:
     """Lines of stdin ("-") or of a named pipe, without the buffering that would hold them back.
 
-    Until `begun`, nothing is waited for longer than `seconds` in all, or, where that is None, than SILENCE at a time.
+    Until `begun`, nothing is waited for longer than `seconds` in all, or SILENCE where that is None: who sends a timed row now
+    and then, and never closes the pipe, would be waited for without end.
     """
 
     def __init__(self, path: str, seconds: float | None) -> None:
         self.begun = False
-        self._path, self._seconds = path, seconds
-        self._end = None if seconds is None else clock.now() + seconds
+        self._path, self._seconds = path, SILENCE if seconds is None else seconds
+        self._end = clock.now() + self._seconds
 
     def __iter__(self) -> Iterator[str]:
         """The lines. Raises UsageError for a line without end, NoAnswer where none comes in time."""
@@ -464,12 +465,12 @@ class Lines:
 
     def _chunk(self, descriptor: int) -> bytes:
         """The data received; b"" at the end. A pipe that has no writer yet has not ended."""
-        left = None if self.begun else SILENCE if self._end is None else max(0.0, self._end - clock.now())
+        left = None if self.begun else max(0.0, self._end - clock.now())
         if not gives(descriptor, left):
             where = "stdin" if self._path == "-" else self._path
             raise NoAnswer(
-                f"{where}: no control values arrived within {self._seconds or SILENCE:g} s",
-                hint="start the program that writes them, or give a longer --deadline. Nothing was sent.",
+                f"{where}: the control values were not complete within {self._seconds:g} s",
+                hint="start the program that writes them. With a column t, it must close the pipe or stdin behind the last row. Or give a longer --deadline. Nothing was sent.",
                 code="deadline",
             )
         return os.read(descriptor, 65536)
