@@ -5,12 +5,16 @@
 
 from __future__ import annotations
 
+import _signal  # type: ignore[import-not-found]  # the module signal makes enumerations of it, which takes longer than the rest
 import gc
 import os
 import sys
 from collections.abc import Sequence
 
 from handctl import __version__
+
+INTERRUPTED = 130
+"""Exit code of Ctrl-C before anything has begun."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -20,6 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if args in (["--version"], ["-V"]):
         return _finish(0, f"handctl {__version__}\n")
     if argv is None:
+        _end_on_ctrl_c()
         from handctl.lazy_stdlib import defer_unused_modules
 
         defer_unused_modules()
@@ -30,6 +35,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     substitute_what_is_missing()
     try:
+        if argv is None:
+            _raise_on_ctrl_c()
         if not _on_several(args):
             root.main(args=list(args), prog_name="handctl", standalone_mode=False)
         code = 0
@@ -40,6 +47,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     code = _finish(code)
     done(last=argv is None)
     return code
+
+
+def _end_on_ctrl_c() -> None:
+    """While modules are loaded nothing has begun: Ctrl-C ends the process at once, instead of a traceback out of one of them."""
+    if _signal.getsignal(_signal.SIGINT) is _signal.default_int_handler:
+        _signal.signal(_signal.SIGINT, lambda *_: os._exit(INTERRUPTED))
+
+
+def _raise_on_ctrl_c() -> None:
+    """As Python does it, unless Ctrl-C is ignored."""
+    if _signal.getsignal(_signal.SIGINT) not in (_signal.SIG_IGN, None):
+        _signal.signal(_signal.SIGINT, _signal.default_int_handler)
 
 
 def _on_several(args: Sequence[str]) -> bool:

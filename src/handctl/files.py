@@ -92,11 +92,45 @@ def read(path: str | os.PathLike[str], what: str, most: int, *, hint: str = "", 
 
 
 def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str = CHECK_NAME, code: str = "") -> str:
-    """The same as text in UTF-8."""
+    """The same as text in UTF-8, without the byte order mark that some editors put in front."""
     try:
-        return read(path, what, most, hint=hint, code=code).decode("utf-8")
+        return read(path, what, most, hint=hint, code=code).decode("utf-8-sig")
     except UnicodeDecodeError as exc:
         raise UsageError(f"{path}: not a text in UTF-8: not {what}", hint=hint, code=code) from exc
+
+
+BYTE_ORDER_MARK = "\ufeff"
+
+
+def text_lines(text: str) -> list[str]:
+    """The lines of a text. Only LF, CR LF and CR end one.
+
+    `str.splitlines` ends one at ten more characters, such as a form feed or U+2028: what follows it in a comment would be a line.
+    """
+    return text.replace("\r\n", "\n").replace("\r", "\n").removesuffix("\n").split("\n") if text else []
+
+
+def refuse_controls(text: str) -> None:
+    """Raise UsageError for a line to send or run that has a control character or a line separator other than a tab.
+
+    An editor may show one as the end of the line: then its author saw another line.
+    """
+    for one in "" if text.isprintable() else text:
+        if one != "\t" and (one < " " or "\x7f" <= one < "\xa0" or one in "\u2028\u2029"):
+            raise UsageError(
+                f"the line contains the control character {one!a}",
+                hint="remove it. If a new line was meant, end the line with a line feed. Nothing was sent.",
+                code="control-character",
+            )
+
+
+def unmarked(lines: Iterable[str]) -> Iterator[str]:
+    """The same lines, the first one without a byte order mark: stdin and pipes, where `read_text` doesn't read them."""
+    rest = iter(lines)
+    for line in rest:
+        yield line.removeprefix(BYTE_ORDER_MARK)
+        break
+    yield from rest
 
 
 PAGE = "<!DOCTYPE html>"
@@ -148,9 +182,9 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
     replaced. `mode` "w" is UTF-8 with line ends as they come, and \\udcff for a byte of a file name that is none, or "wb".
     Raises OSError.
     """
-    how = {} if "b" in mode else {"encoding": "utf-8", "errors": "backslashreplace", "newline": ""}
+    text = {"encoding": "utf-8", "errors": "backslashreplace", "newline": ""}
     if os.path.exists(path) and not os.path.isfile(path):
-        with open(path, mode, opener=at_once, **how) as file:  # type: ignore[call-overload]
+        with open(path, mode, opener=at_once, **({} if "b" in mode else text)) as file:  # type: ignore[call-overload]
             yield file
         return
     target = os.path.realpath(path)
@@ -158,17 +192,37 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
     try:
         with contextlib.suppress(FileNotFoundError):
             os.unlink(part)  # of a process of this number that was killed
-        with open(part, mode.replace("w", "x"), **how) as file:  # type: ignore[call-overload]
+        raw = _Part(part, "x")
+        buffered = io.BufferedWriter(raw)
+        with buffered if "b" in mode else io.TextIOWrapper(buffered, **text) as file:  # type: ignore[arg-type]
             with contextlib.suppress(FileNotFoundError):
                 _inherit(os.stat(target), part)
             yield file
             file.flush()
+            if raw.failure is not None:  # the body went on, or its buffer has been emptied
+                raise raw.failure
             disk.sync(file.fileno())
         os.replace(part, target)
     except BaseException:
         with contextlib.suppress(OSError):
             os.unlink(part)
         raise
+
+
+class _Part(io.FileIO):
+    """A file that remembers that it could not be written: what comes in its place must have all of it.
+
+    A buffer may drop what it could not write, and who writes may go on: then a shorter file would look complete.
+    """
+
+    failure: OSError | None = None
+
+    def write(self, data: Any) -> int:
+        try:
+            return super().write(data)
+        except OSError as exc:
+            self.failure = exc
+            raise
 
 
 @contextlib.contextmanager

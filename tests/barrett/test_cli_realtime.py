@@ -8,11 +8,13 @@ import json
 import os
 import signal
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from handctl.command.terminal_prompts import TerminalPrompts
+from handctl.devices.barrett.realtime import control_values
 from tests.barrett.commands import fake
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
@@ -269,6 +271,30 @@ def test_control_with_times(tmp_path: Path, text: str, stdin: bool) -> None:
     assert 0.15 < end["stream"]["seconds"] < 0.3
     assert by_name(rows)["velocity_command.F2"][-1] == -20
     assert last_lines(trace)[0] == "124T"
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes")
+@pytest.mark.parametrize(("deadline", "seconds"), [((), 30), (("--deadline", "5"), 5)])
+def test_a_pipe_that_is_never_closed_is_not_read_for_ever(
+    deadline: tuple[str, ...], seconds: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A row a second, and no end: a dry run ends as well, and nothing is sent."""
+    pipe, trace, now = tmp_path / "pipe", tmp_path / "t.txt", [0.0]
+    os.mkfifo(pipe)
+
+    def gives(_descriptor: int, left: float | None) -> bool:
+        now[0] += min(1.0, left or 0.0)
+        os.write(writer, f"{now[0]},20\n".encode())
+        return bool(left)
+
+    monkeypatch.setattr(control_values, "gives", gives)
+    monkeypatch.setattr(control_values, "clock", SimpleNamespace(now=lambda: now[0]))
+    for dry in ((), ("-n",)):
+        now[0], writer = 0.0, os.open(pipe, os.O_RDWR)
+        os.write(writer, b"t,velocity.F1\n")
+        assert do("--motors", "1", "--control", pipe, "--trace", trace, *deadline, *dry).code == 4
+        assert now[0] == seconds and not trace.exists()
+        os.close(writer)
 
 
 def test_live_control_ends_with_its_input(tmp_path: Path) -> None:

@@ -13,6 +13,7 @@ import handctl
 from handctl.command import log_command
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
+from handctl.record import csv_and_sidecar
 from handctl.sim import model_class
 from tests.contract.facts import facts_of
 from tests.support.cli import Result, run
@@ -167,3 +168,24 @@ def test_only_the_named_quantities(kind: str, tmp_path: Path) -> None:
     assert [column["name"] for column in kept(path)[1]["columns"]] == [live]
     assert log(kind, tmp_path / "b.csv", "nonsense", "--count", "2").code == 2
     assert not (tmp_path / "b.csv").exists()
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_log_whose_disk_was_full_says_so_when_it_is_checked(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No room for the last sidecar: the first one gets the reason in its own room, and handctl was not killed."""
+    path, write, calls = tmp_path / "a.csv", csv_and_sidecar.atomic_write, []
+
+    def full(place: str) -> Any:
+        calls.append(place)
+        if len(calls) > 1:
+            raise OSError(28, "No space left on device")
+        return write(place)
+
+    monkeypatch.setattr(csv_and_sidecar, "atomic_write", full)
+    assert log(kind, path, "--count", "3", "--rate", "20").code == 1
+    rows, sidecar = kept(path)
+    assert (len(rows), sidecar["closed"], sidecar["ended"]) == (3, False, "limit")
+    done = run(kind, "log", "--check", path, "--json")
+    assert done.code == 7 and "killed" not in done.out

@@ -268,7 +268,7 @@ def test_without_check_findings_are_messages_only() -> None:
 @each_row(
     ("name", "raw", "found"),
     [
-        ("system_voltage", 0, True), ("system_voltage", 1, False), ("position_actual.index", 1000, False),
+        ("system_voltage", 0, True), ("system_voltage", 1, False), ("system_voltage", -1, True), ("system_voltage", -32768, True), ("position_actual.index", 1000, False),
         ("position_actual.index", 1001, True), ("position_actual.index", -1, True), ("temperature.index", 100, False),
         ("temperature.index", 101, True), ("current.index", -1, True), ("error.index", 0, False),
         ("error.index", 128, True), ("position_set.index", -1, False), ("position_set.index", -2, True),

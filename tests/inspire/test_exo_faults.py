@@ -16,9 +16,10 @@ def test_deadline_that_ends_a_wait_is_named() -> None:
     result = run("exo", "save", "-y", "--deadline", "0.25", "-p", fake(), "--json")
     assert result.code == 4, result
     assert "deadline" in result.error["text"] + result.error["hint"], result
+    assert "movement" not in result.error["hint"], result
     result = run("exo", "calibrate", "-y", "--deadline", "0.25", "-p", fake(), "--json")
     assert result.code == 4, result
-    assert "30 s" not in str(result.json["messages"]), result
+    assert "30 s" not in str(result.json["messages"]) and "end of the end" not in result.error["text"], result
 
 
 @each_row("words", [("baud", "57600"), ("set", "baud_code=1")])

@@ -110,7 +110,10 @@ def test_bytes_that_come_one_to_a_register_are_taken_so() -> None:
 def test_a_wrong_transaction_is_warned_of_and_taken() -> None:
     hand = hand_on(TP, TCP, fault="txid-off")
     assert hand.dump().failure is None
-    assert "transaction-id" in [message.code for message in hand.journal.messages]
+    assert hand.dump().failure is None
+    (warning,) = [message for message in hand.journal.messages if message.code == "transaction-id"]
+    assert hand.journal.times == {"transaction-id": hand.journal.counters.received}
+    assert f"({hand.journal.times['transaction-id']} times)" in warning.text
 
 
 def test_what_a_generation_has_not_is_said() -> None:

@@ -356,6 +356,38 @@ def test_a_babbling_line_ends_too(what: str) -> None:
     assert link.now() < 31.0
 
 
+def one_byte_at_a_time(answer: str, pause: float) -> ScriptedLink:
+    return ScriptedLink(
+        lambda request: [(pause * (at + 1), unhex(answer)[at : at + 1]) for at in range(len(unhex(answer)))]
+    )
+
+
+@pytest.mark.parametrize("retries", [0, 2])
+def test_a_reply_that_is_still_arriving_is_no_wrong_speed(retries: int) -> None:
+    """Good bytes, one each 150 ms: in a second attempt, too, where only its rest comes."""
+    bus = bus_on(one_byte_at_a_time(VOLTAGE, 0.15), timeout=0.3, retries=retries)
+    with pytest.raises(ProtocolError) as caught:
+        bus.read(1472, 2)
+    assert (caught.value.code, caught.value.exit_code) == ("slow", 5)
+    assert "--timeout" in caught.value.hint
+    assert hexed(bus_on(one_byte_at_a_time(VOLTAGE, 0.15), timeout=2.0, retries=0).read(1472, 2)) == "2E 02"
+
+
+def test_what_has_ended_is_not_still_arriving() -> None:
+    """A reply that is cut, bytes of another speed, noise that goes on, and --deadline."""
+    for answer, pause, options, code in (
+        (VOLTAGE[:17], 0.0, {}, "cut-short"),
+        ("F8 80 00 78", 0.0, {}, "garbage"),
+        ("F8 80 00 78 " * 20, 0.05, {}, "garbage"),
+        (VOLTAGE, 0.15, {"bound": 0.5}, "cut-short"),
+    ):
+        link = one_byte_at_a_time(answer, pause)
+        bound = {"bound": link.deadline(options["bound"])} if options else {}
+        with pytest.raises(ProtocolError) as caught:
+            bus_on(link, timeout=0.3, retries=0, **bound).read(1472, 2)
+        assert caught.value.code == code
+
+
 # -- explaining -------------------------------------------------------------------------------------------------------
 
 

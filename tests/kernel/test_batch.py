@@ -259,3 +259,22 @@ def test_ctrl_c_ends_a_pause() -> None:
 
 def test_a_pause_alone_is_no_command() -> None:
     assert run("sleep", "3").code == 2
+
+
+@pytest.mark.parametrize(
+    ("link", "line"),
+    [
+        (fake(), "exo position 900 900 900 900 900"),
+        ("fake://wrist?clock=virtual", "wrist center"),
+        ("fake://barrett?clock=virtual", "barrett open"),
+        ("fake://hand?clock=virtual", "hand speed 500 500 500 500 500 500"),
+        ("fake://ekso?clock=virtual", "ekso cancel"),
+    ],
+)
+def test_a_write_stands_in_the_record_as_often_as_it_went_out(link: str, line: str) -> None:
+    """Whatever line it is in: a link that stays open between two is observed once."""
+    result = batch(line, line, line, more=("-y", "--json"), link=link)
+    for one in ends(result)[:-1]:
+        written = [row["bytes"] for row in one["end"]["writes"]]
+        assert written and len(set(written)) == len(written), one["end"]["writes"]
+        assert not [row for row in one["end"]["writes"] if "count" in row or row["state"] == "sent"]

@@ -8,6 +8,7 @@ import os
 import select
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -165,3 +166,23 @@ def test_samples_are_as_many_as_moments_in_the_rows() -> None:
         end = rows.pop()["end"]
         assert process.wait(20) == 130
         assert end["stream"]["samples"] == len({row["t"] for row in rows})
+
+
+EARLY = """
+import os, signal, sys
+from handctl import cli, lazy_stdlib
+signal.signal(signal.SIGINT, signal.{handler})
+lazy_stdlib.defer_unused_modules = lambda: os.kill(os.getpid(), signal.SIGINT)
+sys.argv = ["handctl", "exo", "get", "id", "-p", "fake://exo?clock=virtual"]
+sys.exit(cli.main())
+"""
+
+
+@pytest.mark.parametrize(("handler", "code"), [("default_int_handler", 130), ("SIG_IGN", 0)])
+def test_ctrl_c_while_modules_are_loaded_is_no_traceback(handler: str, code: int) -> None:
+    """Nothing has begun. In a shell's background job, where it is ignored, it stays so."""
+    done = subprocess.run(
+        [sys.executable, "-c", EARLY.format(handler=handler)], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, "Traceback" in done.stderr) == (code, False), done.stderr
+    assert bool(done.stdout) is (code == 0)

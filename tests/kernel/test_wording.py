@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.wording import sentence
-from tests.support.cli import run
+from tests.support.cli import fake, run
 from tests.support.each_row import each_row
 
 
@@ -46,3 +46,12 @@ def test_a_person_and_a_script_read_the_same_sentence() -> None:
     result = run("exo", "dump", "--json")
     assert result.error["text"].startswith("No device") and result.error["text"].endswith((".", "?"))
     assert f"handctl: error: {result.error['text']}\n  Next: {result.error['hint']}\n" == result.err
+
+
+def test_a_name_of_this_command_is_never_capitalised() -> None:
+    """A link or a file may be called as a word is; the next command has names of its own."""
+    run("exo", "get", "id", "-p", "b", "-o", "lines")
+    assert sentence("b at 9600 bit/s: no reply") == "b at 9600 bit/s: no reply."
+    assert sentence("lines exists") == "lines exists."
+    run("exo", "get", "id", "-p", fake())
+    assert sentence("b at 9600 bit/s: no reply") == "B at 9600 bit/s: no reply."

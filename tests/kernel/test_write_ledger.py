@@ -144,6 +144,16 @@ def test_evidence_without_steps_confirms_what_was_sent_since_a_mark_and_nothing_
     assert states(found) == [("W1", "sent"), ("W2", "confirmed")]
 
 
+def test_the_rest_of_a_movement_is_never_to_be_sent_on_its_own() -> None:
+    """The last object of a ramp would make a hand jump: after an abort the whole command is run again."""
+    setting, movement = ledger(b"W1", b"W2"), ledger(b"W1")
+    movement.plan([Step("the end of a ramp", b"W2", moves=True)])
+    for found, last in ((setting, "then send the remaining steps (step 2)"), (movement, "then run the command again")):
+        pass_all(found, ">W1")
+        assert last in found.text()[-1]
+    assert "then send" not in "".join(movement.text())
+
+
 def test_a_plan_told_twice_is_one_plan() -> None:
     found = ledger(b"W1", b"W1")
     found.plan([Step("again", b"W1"), Step("more", b"W2")])

@@ -16,6 +16,7 @@ from packaging.requirements import Requirement
 from handctl.errors import DeviceRefused, HandctlError, ProtocolError
 from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
+from handctl.link.link_interface import Trouble
 from handctl.model.check_rows import Check
 from handctl.model.result import Journal
 from handctl.tools import doctor, doctor_link
@@ -288,6 +289,17 @@ def test_can(system: System) -> None:
     assert answer.code == 0
     assert rows["echo"][0] == "skipped"
     assert rows["unasked"][1] == "0 frames of others within 0.3 s"
+
+
+@pytest.mark.parametrize("answered", [True, False])
+def test_an_adapter_that_is_error_passive_next_to_a_device_that_replies(answered: bool) -> None:
+    """That nobody acknowledges and that 0 of 5 reads failed cannot both be so: what the flags mean is told by the replies."""
+    seen = mock.Mock(answered=answered, series=mock.Mock(failed={}))
+    seen.link.trouble.return_value = Trouble("no-ack", "Its status flags are 24")
+    status, evidence, remedy = doctor_link._bus(seen)
+    assert status == ("warning" if answered else "fail")
+    assert evidence.startswith(doctor_link.BUS["repeats" if answered else "no-ack"][0])
+    assert remedy == doctor_link.BUS["repeats" if answered else "no-ack"][1]
 
 
 @each_row("family", list(FAMILIES))

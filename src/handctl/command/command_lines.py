@@ -18,6 +18,7 @@ from handctl.command.options import COMMAND_LINE, command_line, words_of
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.command.settings_precedence import resolve
 from handctl.errors import HandctlError, UsageError
+from handctl.files import refuse_controls
 from handctl.model.prompts import Prompts
 
 if TYPE_CHECKING:
@@ -97,6 +98,16 @@ def sleep(run: Run, seconds: float) -> None:
 
 
 root.in_lines["sleep"] = sleep
+
+
+def split_line(typed: str) -> list[str]:
+    """The words of a typed line, without its comment. Raises ValueError for an open quote, UsageError for a control character."""
+    import shlex
+
+    words = shlex.split(typed, comments=True)
+    for word in words:
+        refuse_controls(word)
+    return words
 
 
 def parse_line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) -> ScriptLine:

@@ -135,7 +135,7 @@ def read_config(path: str = "", passed: list[UsageError] | None = None) -> Confi
     except NoFile:
         return Config(path, "", {}, {})
     try:
-        text = content.decode("utf-8")
+        text = content.decode("utf-8-sig")
     except UnicodeDecodeError as exc:
         line = content[: exc.start].count(b"\n") + 1
         raise _wrong(path, line, f"byte {content[exc.start]:02X} is not UTF-8", "save the file as UTF-8") from exc

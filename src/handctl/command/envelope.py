@@ -37,6 +37,7 @@ class Outcome:
         self.failure: HandctlError | None = None
         self._asked = asked
         self._held: list[Message] = []
+        self._told: set[str] = set()
         self._live = False
 
     @property
@@ -51,6 +52,10 @@ class Outcome:
 
     def heard(self, message: Message) -> None:
         """A message of the device or of a check."""
+        if message.code in self._asked.journal.times:  # see Journal.count
+            if message.code in self._told:
+                return  # the envelope has the number
+            self._held = [one for one in self._held if one.code != message.code]
         self._held.append(message)
         if self._live:
             self.tell()
@@ -63,6 +68,7 @@ class Outcome:
             self._asked.prompts.done()
             once = later is not None and later[:2] == message[:2] and later.hint == message.hint
             _print(message._replace(hint="") if once else message)  # what is to be done stands behind the last of them
+        self._told.update(one.code for one in self._held)
         self._held.clear()
 
     @contextlib.contextmanager

@@ -19,6 +19,7 @@ from handctl.files import why_unwritable
 from handctl.model.command_settings import Settings
 from handctl.model.result import Journal, Message
 from handctl.system.user_folders import config_path
+from handctl.wording import typed_names
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -68,6 +69,8 @@ class Invocation:
         self.stops = bool(getattr(ctx.command, "stops", False))
         self.in_use = self.streams
         self.inputs, self.outputs = files_of(ctx)
+        named = (settings.port, settings.output, settings.trace, settings.facts)
+        typed_names(*filter(None, named), *(one.path for one in (*self.inputs, *self.outputs)))
         self.prompts = prompts or TerminalPrompts(settings.quiet)
         self.typed: TextIO = sys.stdin
         """A source of lines that a body reads in addition to its arguments."""

@@ -109,7 +109,7 @@ class Recording:
                 while data in BLANK:
                     place += len(data)
                     data = self._file.readline(LONGEST_LINE)
-                line = data.decode("utf-8").strip()
+                line = data.decode("utf-8" if place else "utf-8-sig").strip()
             except (OSError, UnicodeDecodeError) as exc:
                 why = exc.strerror if isinstance(exc, OSError) else "not a text in UTF-8"
                 raise UsageError(

@@ -123,7 +123,7 @@ class Observer(Protocol):
 def observed(link: L, observer: Observer) -> L:
     """Send all traffic of this link to `observer` from now on; returns the link."""
     observer.opened(link.now())
-    if not link.observers:
+    if "observers" not in vars(link):  # once: between two commands of a session there may be no observer
         _overheard(link)
     link.observers = (*link.observers, observer)
     return link
@@ -238,6 +238,9 @@ READER_SECONDS = 0.3
 """How long a line waits for who reads along. No longer: a motor may turn meanwhile."""
 
 
+CONTINUED = "The command continued, but the recording ends there."
+
+
 class TraceFile(TraceWriter):
     """A transcript that is being written. `failure`: why it ended early; the traffic itself goes on."""
 
@@ -259,7 +262,7 @@ class TraceFile(TraceWriter):
             try:
                 self._file.write(f"# {header}\n")
             except OSError as exc:
-                raise self._failed(exc) from exc
+                raise self._failed(exc, "Nothing was sent.") from exc
 
     def write(self, line: str) -> None:
         """One line. Never raises: what stops a device passes here too; the failure ends up in the exit code."""
@@ -271,7 +274,7 @@ class TraceFile(TraceWriter):
                     raise TimeoutError("its reader does not accept data")
                 self._file.write(line)
             except (OSError, ValueError) as exc:
-                self.failure = self._failed(exc)
+                self.failure = self._failed(exc, CONTINUED)
         self._verbose = self._verbose and interrupts.has_room(self._stderr, patience)
         if self._verbose:
             with contextlib.suppress(OSError, ValueError):
@@ -283,11 +286,11 @@ class TraceFile(TraceWriter):
             try:
                 self._file.close()
             except OSError as exc:
-                self.failure = self.failure or self._failed(exc)
+                self.failure = self.failure or self._failed(exc, CONTINUED)
             interrupts.forget(self._waits)
 
-    def _failed(self, exc: Exception) -> OutputError:
+    def _failed(self, exc: Exception, consequence: str) -> OutputError:
         return OutputError(
             f"{self._path}: the trace cannot be written: {getattr(exc, 'strerror', None) or exc}",
-            hint="make room or give --trace another file. The command continued, but the recording ends there",
+            hint=f"make room or give --trace another file. {consequence}",
         )

@@ -152,16 +152,16 @@ class Line:
 
         def tick() -> None:
             self.pause(refresh)
-            self.out_of_time(f"the arrival. {what} may still move")
+            self.out_of_time(f"the end of the movement. {what} may still move", "the end of the movement")
 
         return Clock(self.link.now, lambda: end.expired, tick)
 
-    def out_of_time(self, what: str) -> None:
-        """Raise NoAnswer when --deadline, not the device, ended a wait for `what`."""
+    def out_of_time(self, before: str, awaited: str) -> None:
+        """Raise NoAnswer when --deadline, not the device, ended a wait: it passed `before` something, and `awaited` is waited for."""
         if self.over:
             raise NoAnswer(
-                f"{self.where}: --deadline passed before the end of {what}. The result is not known",
-                hint="read the values before you repeat the command. With a longer --deadline, handctl waits for the end of the movement",
+                f"{self.where}: --deadline passed before {before}. The result is not known",
+                hint=f"read the values before you repeat the command. With a longer --deadline, handctl waits for {awaited}",
                 code="deadline",
             )
 

@@ -430,6 +430,8 @@ class Journal:
         self.line = line or LineQuality()
         self.ledger = Ledger()
         self.messages: list[Message] = []
+        self.times: dict[str, int] = {}
+        """Code of a warning that is counted -> how often it came."""
         self.kept: Table | None = None
         self._blamed: tuple[HandctlError, int] | None = None
         self._moving: tuple[Callable[[], Stopped], int] | None = None
@@ -471,6 +473,12 @@ class Journal:
         self.messages.append(message)
         if self.on_message is not None:
             self.on_message(message)
+
+    def count(self, code: str, text: str, hint: str = "") -> None:
+        """Warn of what may happen with every reply: one message, with the number of times."""
+        times = self.times[code] = self.times.get(code, 0) + 1
+        self.messages[:] = [one for one in self.messages if one.code != code]
+        self.note("warning", code, text if times == 1 else f"{text} ({times} times)", hint)
 
     def info(self, code: str, text: str, hint: str = "") -> None:
         """Record something worth knowing."""

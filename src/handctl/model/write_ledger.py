@@ -157,6 +157,7 @@ class Ledger:
         self._waiting: dict[Hashable, Write] = {}
         self._one_step: Frame | None = None
         self._repeats = False
+        self._moves = False  # whether any step that was planned moves the device
         self._asked: set[Hashable] = set()  # what of the plan went out
 
     # -- what is meant -------------------------------------------------------------------------------------------
@@ -164,6 +165,7 @@ class Ledger:
     def plan(self, steps: Sequence[Step]) -> None:
         """What the command is going to write, in order. Steps that it has named before are not counted twice."""
         known = [same for same, _ in self._plan]
+        self._moves = self._moves or any(step.moves for step in steps)
         for step in steps:
             same = self.words.planned(step.data, step.can_id) if self.words is not None else step.data
             if same in known:
@@ -329,10 +331,12 @@ class Ledger:
         if found[CONFIRMED] == len(rows):
             return [f"writes: {told}"]
         lines = [f"writes: {told}", *(line for row in rows for line in _lines(row))]
-        left = [str(row["step"]) for row in rows if row["state"] == NOT_SENT]
+        left = ", ".join(str(row["step"]) for row in rows if row["state"] == NOT_SENT)
         if left and found[SENT]:
             lines.append(
-                f"  to continue: read the unconfirmed values, then send the remaining steps (step {', '.join(left)})"
+                f"  to continue: check the position of the device, then run the command again. Do not send the remaining steps (step {left}) on their own, because they are part of a movement"
+                if self._moves
+                else f"  to continue: read the unconfirmed values, then send the remaining steps (step {left})"
             )
         return lines
 

@@ -173,7 +173,11 @@ class Recording:
             self.close()
         except OutputError as exc:
             failure, ended = exc, exc.code if ended in AS_ASKED else ended
-        self.write_sidecar(ended, **more)
+        try:
+            self.write_sidecar(ended, **more)
+        except OutputError:
+            self._note_end(ended)
+            raise
         if failure is not None:
             raise failure
 
@@ -219,6 +223,15 @@ class Recording:
         text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
         with writing(self.sidecar, code="log-file"), atomic_write(self.sidecar) as file:
             file.write(text)
+
+    def _note_end(self, ended: str) -> None:
+        """Say in the sidecar of the open log how it ended, in the room that it has: no room is left for a new one. Never raises."""
+        with contextlib.suppress(OSError, ValueError), open(self.sidecar, "r+b") as file:
+            before = file.read()
+            content = json.dumps({**json.loads(before), "ended": ended}, ensure_ascii=False, separators=(",", ":"))
+            if len(data := content.encode()) < len(before):
+                file.seek(0)
+                file.write(data.ljust(len(before) - 1) + b"\n")
 
     def as_row(self) -> dict[str, Any]:
         line = self.timeline

@@ -185,7 +185,7 @@ class LogFile:
         self._say: Callable[[str, float], Any] = a_number
         self._tables: dict[object, Meanings | Checked] = {}
         with opened(path, "a log", hint=Hint("{} makes one", f"{kind} log {path}")) as file:
-            header = file.readline(LONGEST_LINE).decode("utf-8", "replace")
+            header = file.readline(LONGEST_LINE).decode("utf-8-sig", "replace")
         try:
             names = next(csv.reader([header.rstrip("\r\n")]), [])
         except csv.Error as exc:
@@ -260,7 +260,9 @@ class LogFile:
             whole = f"{self.path} is incomplete: {', '.join(self.missing)}. See its sidecar for details"
             return (whole,) if self.missing else ()
         cut = ". Its last row was unfinished and was skipped" if self.cut else ""
-        return (f"{self.path} was never closed, because handctl was killed or is still running{cut}",)
+        full = "its sidecar could not be written at the end: the disk was probably full"
+        why = full if self.sidecar.get("ended") else "handctl was killed or is still running"
+        return (f"{self.path} was never closed, because {why}{cut}",)
 
     def without(self, segment: int | None) -> UsageError:
         """The error for a log that has no such rows."""

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TextIO
 
 from handctl.errors import LinkError
+from handctl.files import unmarked
 from handctl.system import clock
 
 LONGEST = 200
@@ -82,7 +83,7 @@ class Marks:
             self.hear(data.decode("utf-8", "replace"), "udp")
 
     def _lines(self, lines: TextIO) -> None:
-        for line in lines:
+        for line in unmarked(lines):
             self.hear(line, "line")
 
 

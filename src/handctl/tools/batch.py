@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
-import shlex
 import sys
 from collections.abc import Iterator, Sequence
 
 import click
 
-from handctl.command.command_lines import ScriptLine, options_for_lines, parse_line, with_line_number
+from handctl.command.command_lines import ScriptLine, options_for_lines, parse_line, split_line, with_line_number
 from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.invocation import shown_steps, unsent
@@ -18,7 +17,7 @@ from handctl.command.option_types import InFile
 from handctl.command.run import Asked, Run
 from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined
-from handctl.files import atomic_write, read_text, writing
+from handctl.files import BYTE_ORDER_MARK, atomic_write, read_text, text_lines, writing
 from handctl.interrupts import was_interrupted
 from handctl.model.result import Table
 from handctl.wording import plural
@@ -77,7 +76,7 @@ def _script(file: str) -> str:
         raise UsageError(f"stdin: the script cannot be read: {exc}", hint="send text in UTF-8") from exc
     if len(text) > MOST_BYTES:
         raise UsageError(f"stdin: larger than {MOST_BYTES // 1_000_000} MB: not a script", hint="send fewer lines")
-    return text
+    return text.removeprefix(BYTE_ORDER_MARK)
 
 
 @contextlib.contextmanager
@@ -94,8 +93,8 @@ def _lines(text: str, context: click.Context) -> Iterator[ScriptLine]:
     """The commands of a script. Raises UsageError with the number of the line."""
     given = options_for_lines(context)
     known: dict[str, ScriptLine] = {}  # a line that occurs again is the same
-    for number, raw in enumerate(text.splitlines(), 1):
-        if not (typed := raw.strip()):
+    for number, raw in enumerate(text_lines(text), 1):
+        if not (typed := raw.strip(" \t")):
             continue
         if len(typed) > LONGEST_LINE:
             raise UsageError(
@@ -105,7 +104,7 @@ def _lines(text: str, context: click.Context) -> Iterator[ScriptLine]:
             if typed in known:
                 yield known[typed]._replace(number=number)
                 continue
-            words = shlex.split(typed, comments=True)
+            words = split_line(typed)
             if words[:1] == ["handctl"]:
                 raise UsageError(
                     "leave out the word handctl in a script", hint="start with the device, such as `exo get id`"

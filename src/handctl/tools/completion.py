@@ -13,7 +13,7 @@ import click
 from handctl.command.command_tree import Command
 from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
-from handctl.files import atomic_write, writing
+from handctl.files import atomic_write, text_lines, writing
 from handctl.model.result import Column, Table
 from handctl.system.user_folders import config_folder, data_folder
 
@@ -85,7 +85,7 @@ def _state(path: Path, text: str) -> str:
         ) from exc
     if present == text:
         return "unchanged"
-    if not any(MARK in line for line in present.splitlines()[:3]):
+    if not any(MARK in line for line in text_lines(present)[:3]):
         raise UsageError(
             f"{path} is not a completion that handctl generated",
             hint="move the file away, or print the script and install it yourself. The file was not changed.",

@@ -25,7 +25,7 @@ from handctl.command.run import Run
 from handctl.command.settings_precedence import resolve
 from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
-from handctl.files import read_text
+from handctl.files import BYTE_ORDER_MARK, read_text, text_lines
 from handctl.link import NoFrames, NoLink, is_can
 from handctl.link.link_interface import SCHEMES
 from handctl.model.command_settings import Settings
@@ -98,7 +98,11 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
     given = _given(run)
     if scanned is not None:
-        text = sys.stdin.read(MOST) if scanned == "-" else read_text(scanned, "the output of a scan", MOST)
+        text = (
+            sys.stdin.read(MOST).removeprefix(BYTE_ORDER_MARK)
+            if scanned == "-"
+            else read_text(scanned, "the output of a scan", MOST)
+        )
         found = from_scan(text, family, given)
         family, given = str(found.pop("kind")), {**found, **given}
     if family is None:
@@ -309,7 +313,7 @@ def _rows(text: str) -> list[dict[str, Any]]:
         try:
             content = json.loads(text)
         except ValueError:
-            content = [json.loads(line) for line in text.splitlines() if line.strip()]
+            content = [json.loads(line) for line in text_lines(text) if line.strip()]
     except (ValueError, RecursionError) as exc:
         raise UsageError(
             f"the scan is not JSON: {exc}", hint=Hint("make it with {}", "scan --json"), code="from-scan"

@@ -53,6 +53,10 @@ BUS = {
     ),
     "refused": ("the adapter refuses frames (BEL)", "unplug the adapter and plug it in again"),
     "bel": ("the adapter replies to frames with BEL", NO_ACK),
+    "repeats": (
+        "the device replied, so its frames and the requests are acknowledged. But the adapter has counted many bus errors, so frames were repeated",
+        "check CAN high and low, the termination (120 ohm at both ends), and that every device on the bus has this bitrate",
+    ),
     "bus-errors": (
         "frames are destroyed on the bus",
         "disconnect one of two devices that have one id, or check the termination (120 ohm at both ends)",
@@ -269,7 +273,8 @@ def _bus(it: LinkChecks) -> Verdict:
         return "skipped", "this interface reports no state of the bus"
     if not trouble.code:
         return "ok", f"no bus error. {trouble.evidence}"
-    text, remedy = BUS[trouble.code]
+    # An adapter that is error passive has counted errors; that nobody acknowledges is one cause, which a reply excludes.
+    text, remedy = BUS["repeats" if it.answered and trouble.code == "no-ack" else trouble.code]
     return status, f"{text}. {trouble.evidence}", remedy
 
 

@@ -31,7 +31,7 @@ from handctl.errors import (
     reworded,
 )
 from handctl.families import SCAN_ORDER
-from handctl.files import PAGE_DATA, in_page, read_text
+from handctl.files import PAGE_DATA, in_page, read_text, text_lines
 from handctl.link.transcript import TraceWriter, observed
 from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
 from handctl.model.check_rows import view as checks_view
@@ -173,7 +173,7 @@ class Service:
         found = data_of(path)
         if "service" not in found:
             raise UsageError(f"{path}: a report, but not of a service", hint=Hint("run {} without --resume", "service"))
-        lines = in_page(read_text(path, "a report", MOST_BYTES), "pre").splitlines()
+        lines = text_lines(in_page(read_text(path, "a report", MOST_BYTES), "pre"))
         return found, [text for text in lines if not text.startswith("#   ")]  # what they mean is said again
 
     # -- steps --

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import contextlib
-import shlex
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import click
 
-from handctl.command.command_lines import options_for_lines, parse_line
+from handctl.command.command_lines import options_for_lines, parse_line, split_line
 from handctl.command.command_tree import ALONE, Command, root
 from handctl.command.connection import Session
 from handctl.command.family import load, map_of
@@ -93,7 +92,10 @@ class Shell:
             print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", "")
             return True
         try:
-            words = shlex.split(typed, comments=True)
+            words = split_line(typed)
+        except UsageError as exc:
+            print_message("error", exc.text, exc.hint)
+            return True
         except ValueError as exc:
             print_message("error", str(exc), "close the quote")
             return True

@@ -24,6 +24,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
+from handctl.files import refuse_controls, unmarked
 from handctl.link.link_interface import CanFrame, FrameLink
 from handctl.link.transcript import Entry, observed
 from handctl.model.explainer import DEVICE, HOST
@@ -82,6 +83,7 @@ class Keyboard:
 
     def take(self, text: str, *, goes: bool = False) -> Typed:
         """One line, which `goes` out before the next. Raises UsageError for what cannot be sent, and what is never sent."""
+        refuse_controls(text)
         data, can_id = self._parsed(text)
         whole = data if self._can else self._begun + data
         planned = self._planner.plan_typed(whole, can_id)
@@ -248,7 +250,9 @@ def terminal(run: Run, lines: Sequence[str], wait: float, *, as_hex: bool) -> Ta
     """Send the lines, or those of stdin; a prompt for them where stdin is a terminal."""
     if not lines and run.typed.isatty():
         return _at_prompt(run, wait, as_hex=as_hex)
-    texts = list(lines) or [text for line in run.typed if (text := line.rstrip("\r\n")).strip() and text[0] != "#"]
+    texts = list(lines) or [
+        text for line in unmarked(run.typed) if (text := line.rstrip("\r\n")).strip() and text[0] != "#"
+    ]
     if not texts:
         raise UsageError("no line given", hint="give lines as arguments or on stdin, or run it on a terminal")
     keyboard = Keyboard(run, as_hex=as_hex)

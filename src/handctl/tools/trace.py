@@ -18,6 +18,7 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
+from handctl.files import BYTE_ORDER_MARK, text_lines
 from handctl.model.command_settings import Settings
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Value
 from handctl.model.result import Cell, Column, Grid, Row, Sample, Table, hex_bytes
@@ -488,7 +489,7 @@ def parse_given(text: str) -> list[Given]:
         return [Given(text.strip().encode("utf-8", "replace"))]
     found: list[Given] = []
     plain = b""
-    for line in text.splitlines():
+    for line in text_lines(text.removeprefix(BYTE_ORDER_MARK)):
         marked = _MARK.match(line)
         side = "" if marked is None else HOST if marked[1] == ">" else DEVICE
         rest = line if marked is None else marked[2]

@@ -56,7 +56,7 @@ def opened(path: str) -> Iterator[IO[str]]:
         yield sys.stdin
         return
     with io.TextIOWrapper(
-        files.opened(path, "a transcript", hint=PLAIN_HINT, code="no-file"), "utf-8-sig", "surrogateescape"
+        files.opened(path, "a transcript", hint=PLAIN_HINT, code="no-file"), "utf-8", "surrogateescape"
     ) as file:
         yield file
 
@@ -72,6 +72,7 @@ def lines_of(file: IO[str], source: str) -> Iterator[TranscriptLine]:
             raise UsageError(f"{source}: cannot be read after line {number}: {why}", hint=PLAIN_HINT) from exc
         if not text:
             return
+        text = text if number else text.removeprefix(files.BYTE_ORDER_MARK)
         number += 1
         if len(text) >= LONGEST_LINE:
             raise UsageError(f"{source}, line {number}: longer than {LONGEST_LINE} characters", hint=PLAIN_HINT)

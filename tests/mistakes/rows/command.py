@@ -7,6 +7,15 @@ SESSION = "handctl.command.connection"
 
 ROWS = (
     mistake(
+        "link-of-a-session-is-observed-twice",
+        "false message",
+        "handctl.link.transcript",
+        "observed",
+        'if "observers" not in vars(link):  # once: between two commands of a session there may be no observer',
+        "if not link.observers:",
+        "tests/kernel/test_batch.py::test_a_write_stands_in_the_record_as_often_as_it_went_out",
+    ),
+    mistake(
         "service-carries-out-a-write",
         "safety check missing",
         "handctl.tools.service_steps",

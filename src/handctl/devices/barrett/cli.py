@@ -27,7 +27,7 @@ from handctl.devices.barrett.parameter_map import BARRETT, BAUD_CODES, SPEEDS, c
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.status_and_parameter_views import GCL, row_of
 from handctl.errors import Hint, UsageError
-from handctl.files import read_text
+from handctl.files import read_text, text_lines
 from handctl.link import ByteLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
@@ -299,9 +299,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
     if not commands and path is None and run.typed.isatty():
         return _prompt(run)
     if path is not None:
-        lines = passthrough.script(
-            read_text(path, "a GCL script", passthrough.LONGEST_SCRIPT).lstrip("\ufeff").splitlines()
-        )
+        lines = passthrough.script(text_lines(read_text(path, "a GCL script", passthrough.LONGEST_SCRIPT)))
     else:
         lines = [passthrough.line_of(text) for text in commands] or passthrough.script(run.typed)
     wanted = [line.text for line in lines if line.wait is None]

@@ -272,7 +272,7 @@ def wait_for_speed(hand: RegisterDevice, rate: int, prompts: Prompts, *, seconds
                 return True
         except ProtocolError:
             pass  # bytes of a hand that starts, or still talks at the old speed
-        hand.bus.out_of_time("the power-cycle")
+        hand.bus.out_of_time("the power-cycle", "the power-cycle")
         hand.bus.pause(0.2)
     prompts.done()
     return False
@@ -389,7 +389,7 @@ def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
         bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)
         return outcome(hand, register, "sent", None)
     if frame is None:
-        bus.out_of_time("the result of the save")
+        bus.out_of_time("the result of the save arrived", "the result")
         if lost is not None:
             raise lost.reworded(
                 lost.text,

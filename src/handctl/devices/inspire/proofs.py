@@ -138,7 +138,9 @@ def _set_points(name: str, device: RegisterDevice) -> Observation:
     told = f"{name}: {' '.join(map(str, values))}"
     return Observation(
         -1 if set(values) == {-1} else None,
-        told if set(values) == {-1} else f"{told}: it has been commanded since power-on",
+        told
+        if set(values) == {-1}
+        else f"{told}: either it was commanded after power-on, or it shows something other than -1. Power-cycle it and repeat this proof before any command",
     )
 
 

@@ -36,12 +36,14 @@ SILENCE_HINTS = {
     "At baud rates other than 115200 bit/s handctl tries Modbus RTU only with --protocol modbus",
 }
 """Of families that are not as the EH55BF1 is (rh56 §1, §2.5). {} is the family's scan, here and below."""
+SLOW = "slow"
 HINTS = {
     "echo": "check the wiring: an echo or a TX-RX short returns our own bytes, and no device replies",
     "wrong-id": "use --id with the id shown, or find the hand with {}: a different id replies",
     "bad-checksum": "check the cable, the ground and the baud rate, and that only one device has this id: bytes were corrupted on the line",
     "cut-short": "check the cable and the adapter, and that no other program reads the port: the reply was cut off",
     "stale": "check for another program or a second master on this line: the frame is valid, but is a reply to a different request",
+    SLOW: "run the command again with --timeout 2: this line or its adapter passes the bytes on slowly",
     FEWER: "read fewer bytes at once, or a register by itself: this device may not have all of them",
     "first-byte-lost": "use another RS-485 adapter, or make this one switch its direction sooner: it swallows the first byte of each reply",
     "garbage": "try --baud 115200, 57600 and 19200: the baud rate is probably wrong, or this is another kind of device",
@@ -188,6 +190,8 @@ PATIENCE = 4
 """An answer that has begun and keeps coming may take this many timeouts in all."""
 SHORT = 32
 """Bytes of an answer whose time is that of the line, not of its bytes."""
+ARRIVING = 0.5
+"""Part of a timeout: an answer whose last byte is younger when the wait ends has not ended."""
 PAUSE_SECONDS, SPEAKS_SECONDS = 0.005, 0.05
 """Who makes such a pause has said what he had to say; nobody is waited for longer."""
 
@@ -207,6 +211,9 @@ class SerialBus(ByteBus):
     """Whether the next question of `pace` is a short one."""
     _disturbed = False
     """A request of somebody else came instead of an answer: perhaps it goes on."""
+    _last_byte = float("-inf")
+    _slow = False
+    """The wait for an answer ended while it was arriving: what comes next is perhaps its rest."""
 
     # -- registers -----------------------------------------------------------------------------------------------
 
@@ -313,7 +320,7 @@ class SerialBus(ByteBus):
             self.journal.counters.stray_bytes += decoder.pending
             self._disturbed = _begins_request(came[:JUDGED].removeprefix(request))
             raise self._failure(request, came, started)
-        self._rest, self._disturbed = decoder.rest(), False
+        self._rest, self._disturbed, self._slow = decoder.rest(), False, False
         self.round_trip = self.link.now() - started
         self._learn(request, came, decoder.skipped, pieces)
         return frame
@@ -340,6 +347,7 @@ class SerialBus(ByteBus):
             if (received and deadline.expired) or not (chunk := self.link.read(deadline)):
                 break
             received += chunk
+            self._last_byte = self.link.now()
             pieces.append(len(chunk))
             trickles, junk = decoder.skipped == junk, decoder.skipped
             decoder.feed(chunk)
@@ -436,6 +444,13 @@ class SerialBus(ByteBus):
             )
         seen = received[:JUDGED]
         code, text = bad_reply(request, seen, len(received) - len(seen))
+        arriving = not self.over and self.link.now() - self._last_byte < ARRIVING * self.timeout
+        self._slow = arriving and (code == "cut-short" or (code == "garbage" and self._slow))
+        if self._slow:
+            code, text = (
+                SLOW,
+                f"the reply was still arriving when the wait ended, with {plural(len(received), 'byte')} so far",
+            )
         if code == "stale" and others_speak(request, seen):
             self.journal.line.others = True
         return ProtocolError(

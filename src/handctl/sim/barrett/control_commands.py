@@ -16,7 +16,7 @@ from handctl.sim.barrett.device import Device
 from handctl.sim.barrett.mechanics import NAMES, Motor
 from handctl.sim.barrett.parameter_tables import ALIAS, BAUDS, NO_BOARD, NO_MOTOR, NOT_INITIALIZED, Bank, Memory
 from handctl.sim.barrett.shared_state import OBSTACLES, STATES
-from handctl.sim.engine.state_file import Fields, checked, columns, kept, rows_of, spread
+from handctl.sim.engine.state_file import Fields, checked, columns, kept, replace, rows_of, spread
 
 HELP = " | ".join(
     (
@@ -82,8 +82,7 @@ def command(device: Device, words: list[str]) -> str | None:
         case ["image"]:
             return _image(device)
         case ["save-image", path]:
-            with open(path, "wb") as file:
-                file.write(device.monitor.image.flat())
+            replace(path, device.monitor.image.flat())
             return _image(device)
         case ["erase"]:
             device.monitor.erase()

@@ -121,7 +121,7 @@ def load(path: str) -> dict[str, Any]:
             content = file.read(MOST + 1)
         if len(content) > MOST:
             raise ValueError(f"{path}: larger than {MOST // 1000} kB")
-        tables: dict[str, Any] = tomllib.loads(content.decode("utf-8"))
+        tables: dict[str, Any] = tomllib.loads(content.decode("utf-8-sig"))
         return tables
     except OSError as exc:
         raise ValueError(f"{path}: cannot be read: {exc.strerror or exc}") from exc

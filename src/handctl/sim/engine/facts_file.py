@@ -74,7 +74,7 @@ def _facts(kind: str, path: str) -> dict[str, Any]:
     if os.path.exists(path) and not os.path.isfile(path):
         raise ValueError(f"{path}: not a file of facts")  # to open a port can set its control lines
     try:
-        with open(path, encoding="utf-8") as file:
+        with open(path, encoding="utf-8-sig") as file:
             content = json.load(file)
         family, facts, schema = content["family"], content["facts"], content["schema"]
         good = schema == SCHEMA and all({"verdict", "value"} <= set(fact) for fact in facts.values())

@@ -77,7 +77,7 @@ def load(path: str, device: Model) -> bool:
             content = file.read(MOST + 1)
         if len(content) > MOST:
             raise ValueError(f"state file {path} cannot be read: larger than {MOST // 1_000_000} MB")
-        text = content.decode("utf-8")
+        text = content.decode("utf-8-sig")
     except FileNotFoundError:
         return False
     except (OSError, UnicodeDecodeError) as exc:
@@ -94,19 +94,25 @@ def load(path: str, device: Model) -> bool:
 
 
 def save(path: str, device: Model) -> None:
-    """Whole or not at all: a temporary file beside it, synced, then renamed. A symbolic link stays one."""
+    """Replace the file. Raises OSError."""
     state = {"format": FORMAT, "kind": device.KIND, "simulated": True, **device.snapshot()}
+    try:
+        replace(path, (json.dumps(state) + "\n").encode())
+    except OSError as exc:
+        raise OSError(f"state file {path} cannot be written: {exc.strerror or exc}") from exc
+
+
+def replace(path: str, content: bytes) -> None:
+    """Whole or not at all: a temporary file beside it, synced, then renamed. A symbolic link stays one. Raises OSError."""
     target = os.path.realpath(path)
     temporary = f"{target}.{os.getpid()}.tmp"
     try:
-        with open(temporary, "w", encoding="utf-8", newline="\n") as file:
-            file.write(json.dumps(state) + "\n")
+        with open(temporary, "wb") as file:
+            file.write(content)
             file.flush()
             disk.sync(file.fileno())
         os.replace(temporary, target)
-    except BaseException as exc:
+    except BaseException:
         if os.path.exists(temporary):
             os.unlink(temporary)
-        if isinstance(exc, OSError):
-            raise OSError(f"state file {path} cannot be written: {exc.strerror or exc}") from exc
         raise

@@ -12,7 +12,7 @@ from handctl.devices.barrett.gcl.codec import COMMANDS, Answer, encode, kind_of,
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
 from handctl.devices.barrett.parameter_map import BARRETT, careful
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.files import state_path
+from handctl.files import refuse_controls, state_path, unmarked
 from handctl.interrupts import reset_interrupts
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
@@ -68,7 +68,7 @@ class ScriptLine(NamedTuple):
 
 def script(lines: Iterable[str]) -> list[ScriptLine]:
     """Lines of a script: a command each, or ``DELAY ms``. Empty lines and `#` comments are left out. Raises UsageError."""
-    texts = ((number, line.partition("#")[0].strip()) for number, line in enumerate(lines, 1))
+    texts = ((number, line.partition("#")[0].strip(" \t\r\n")) for number, line in enumerate(unmarked(lines), 1))
     return [line_of(text, number) for number, text in texts if text]
 
 
@@ -76,6 +76,7 @@ def line_of(text: str, number: int = 0) -> ScriptLine:
     """One line. Raises UsageError for what is not sent as it is typed."""
     line, (name, *words) = ScriptLine(text, number), text.upper().split() or [""]
     try:
+        refuse_controls(text)
         if name != DELAY:
             refuse(text)
             encode(text)

@@ -24,7 +24,7 @@ from typing import Any
 from handctl.devices.barrett.gcl.codec import MOTORS, motor_prefix
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, LIMITS, Values, check_control, selections, still
 from handctl.errors import NoAnswer, UsageError
-from handctl.files import is_pipe, read_text
+from handctl.files import is_pipe, read_text, unmarked
 from handctl.number_parsing import real_in
 from handctl.system import clock, disk
 from handctl.system.waits import gives
@@ -184,7 +184,9 @@ def parse(
     lines: Iterable[str], where: str, motors: Sequence[int], start: Change, columns: Collection[str] = ()
 ) -> Controls:
     """A schedule or live controls from CSV or JSON lines, with further `columns`. Raises UsageError with the line number."""
-    numbered = ((number, line) for number, line in enumerate(lines, 1) if line.strip() and not line.startswith("#"))
+    numbered = (
+        (number, line) for number, line in enumerate(unmarked(lines), 1) if line.strip() and not line.startswith("#")
+    )
     first = next(numbered, None)
     if first is None:
         raise UsageError(f"{where}: no rows", hint="begin with a header such as t,velocity.F1, then rows of numbers")
@@ -409,7 +411,7 @@ def _from_file(
         controls = parse(lines, "stdin" if path == "-" else path, motors, start, columns)
         lines.begun = True
         return controls
-    text = io.StringIO(read_text(path, "a control file", 16_000_000).removeprefix("\ufeff"), newline="")
+    text = io.StringIO(read_text(path, "a control file", 16_000_000), newline=None)
     controls = parse(text, path, motors, start, columns)
     if controls.live:
         raise UsageError(f"{path}: no column t", hint="add times, or send the lines on stdin with --control -")
@@ -422,19 +424,20 @@ def _from_file(
 LONGEST_LINE = 65_536
 """Bytes of one line."""
 SILENCE = 30.0
-"""Seconds without a line, before the hand is touched, after which nobody is there to send any."""
+"""Seconds within which the values must have arrived, before the hand is touched, where no --deadline says otherwise."""
 
 
 class Lines:
     """Lines of stdin ("-") or of a named pipe, without the buffering that would hold them back.
 
-    Until `begun`, nothing is waited for longer than `seconds` in all, or, where that is None, than SILENCE at a time.
+    Until `begun`, nothing is waited for longer than `seconds` in all, or SILENCE where that is None: who sends a timed row now
+    and then, and never closes the pipe, would be waited for without end.
     """
 
     def __init__(self, path: str, seconds: float | None) -> None:
         self.begun = False
-        self._path, self._seconds = path, seconds
-        self._end = None if seconds is None else clock.now() + seconds
+        self._path, self._seconds = path, SILENCE if seconds is None else seconds
+        self._end = clock.now() + self._seconds
 
     def __iter__(self) -> Iterator[str]:
         """The lines. Raises UsageError for a line without end, NoAnswer where none comes in time."""
@@ -462,12 +465,12 @@ class Lines:
 
     def _chunk(self, descriptor: int) -> bytes:
         """The data received; b"" at the end. A pipe that has no writer yet has not ended."""
-        left = None if self.begun else SILENCE if self._end is None else max(0.0, self._end - clock.now())
+        left = None if self.begun else max(0.0, self._end - clock.now())
         if not gives(descriptor, left):
             where = "stdin" if self._path == "-" else self._path
             raise NoAnswer(
-                f"{where}: no control values arrived within {self._seconds or SILENCE:g} s",
-                hint="start the program that writes them, or give a longer --deadline. Nothing was sent.",
+                f"{where}: the control values were not complete within {self._seconds:g} s",
+                hint="start the program that writes them. With a column t, it must close the pipe or stdin behind the last row. Or give a longer --deadline. Nothing was sent.",
                 code="deadline",
             )
         return os.read(descriptor, 65536)

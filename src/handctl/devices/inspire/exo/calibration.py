@@ -58,7 +58,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
         prompts.say(f"The hand reported the end after {seconds:.1f} s.")
         hand.journal.ledger.confirm("its end was reported", since=begun)
     else:
-        bus.out_of_time("the end of the calibration. The calibration is still running")
+        bus.out_of_time("the end of the calibration, which is still running", "its end")
         if lost is not None:
             raise lost.reworded(
                 f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",

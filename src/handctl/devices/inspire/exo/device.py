@@ -274,12 +274,12 @@ def _plausible(reading: Reading) -> bool:
     value = reading.value
     assert value is not None
     if reading.element.param.name == "system_voltage":
-        return value != 0
+        return value > 0  # FF FF is what a register reads that nothing has filled
     return reading.element.param.allowed(value)
 
 
 def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
-    """Findings: error bits, values outside the documented range, a supply reading of 0."""
+    """Findings: error bits, values outside the documented range, a supply reading of 0 or below (FF FF)."""
     by_name = {reading.element.full_name: reading.value for reading in readings}
     found = []
     for reading in readings:

@@ -47,7 +47,7 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
     if reported:
         hand.journal.ledger.confirm("its end was reported", since=begun)
     else:
-        bus.out_of_time("the end of the calibration. The calibration is still running")
+        bus.out_of_time("the end of the calibration, which is still running", "its end")
         hand.journal.warn(
             "no-completion",
             f"the hand did not report that the calibration ended within {LISTEN:.0f} s"
