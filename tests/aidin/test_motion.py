@@ -280,7 +280,7 @@ def test_what_does_not_arrive_is_named() -> None:
 
 
 def test_passing_by_is_not_arriving() -> None:
-    link = Streamer(lambda t: line(feedback(motor_pos=[0] * 5 + [round(100000 * t) % 170000] + [0] * 9)))
+    link = Streamer(lambda t: line(feedback(motor_pos=[0] * 5 + [round(abs(100000 * t % 340000 - 170000))] + [0] * 9)))
     table = motion.move(
         hand_on(link), parse(ENCODERS, ["0"] * 5 + ["85000"] + ["0"] * 9), Prompts(), assume_homed=False
     )

@@ -233,14 +233,19 @@ def step_of(meaning: str, data: bytes, end: bytes) -> Step:
 
 
 @contextmanager
-def stopped_on_error(hand: AidinHand, prompts: Prompts) -> Iterator[None]:
-    """Around what must not go on after an error: it stops the hand, and has the result of the stop in its words.
+def stopped_on_error(
+    hand: AidinHand, prompts: Prompts, kind: type[HandctlError] = HandctlError, *, otherwise: str = ""
+) -> Iterator[None]:
+    """Around what must not go on after an error of this `kind`: it stops the hand, and has the result of the stop in its words.
 
-    Of a link that is lost `stopped_if_cut_short` tells.
+    Other errors say what is in force `otherwise`. Of a link that is lost `stopped_if_cut_short` tells.
     """
     try:
         yield
     except HandctlError as exc:
+        if not isinstance(exc, kind):
+            exc.add_aftermath(Aftermath(hint=otherwise))
+            raise
         if not isinstance(exc, LinkError):
             stopped = hand.stop()
             exc.add_aftermath(Aftermath(behind=_told(stopped), moving=stopped.error is LinkError))
@@ -272,7 +277,7 @@ def stopped_if_cut_short(
     """
     driven = False
     try:
-        with hand.driven(prompts, heartbeat=heartbeat, what=what):
+        with hand.driven(prompts, heartbeat=heartbeat, what=what), hand.conversation.guarded():
             hand.journal.moves(hand.stop)
             driven = True
             try:

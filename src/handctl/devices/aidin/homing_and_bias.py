@@ -23,6 +23,7 @@ from handctl.devices.aidin.device import (
 )
 from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import TCP_PORT, ExchangeMode
+from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
 from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
@@ -320,6 +321,8 @@ def _hold(hand: AidinHand, data: bytes, prompts: Prompts, seen: Travel, *, blind
     """Send mode 1 until it was held; when that began."""
     link, conversation = hand.link, hand.conversation
     begin = last = link.now()
+    if conversation.guard is not None:
+        conversation.guard.sets_origin = begin + ZEROED
     holds = 1
     while link.now() - begin < HOLD:
         streams = hand.conversation.exchange is ExchangeMode.STREAM
@@ -415,17 +418,14 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
     mark = ledger.mark
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
-    with stopped_if_cut_short(hand, prompts), in_force(GOES_ON):
-        try:
-            while not end.expired and (now is None or _away(now) or moving(before, now)):
-                before = now
-                for _ in range(TICKS):
-                    conversation.tick(data, blind=blind, by=MOTOR_POS)
-                seen.look(conversation.link.now(), conversation.feedback)
-                now = seen.last
-                prompts.progress("Moving to the initial position.", CTRL_C)
-        finally:
-            prompts.done()
+    with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts, ImplausibleFeedback, otherwise=GOES_ON):
+        while not end.expired and (now is None or _away(now) or moving(before, now)):
+            before = now
+            for _ in range(TICKS):
+                conversation.tick(data, blind=blind, by=MOTOR_POS)
+            seen.look(conversation.link.now(), conversation.feedback)
+            now = seen.last
+            prompts.progress("Moving to the initial position.", CTRL_C)
         conversation.check_bound()
         if now is None:
             raise NoAnswer(

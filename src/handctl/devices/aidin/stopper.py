@@ -62,7 +62,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         peak = max(max(map(abs, one)) for one in since_then)
         return did_not_last(Stopped("stop was sent, and the currents stopped"), f"currents up to {peak} flow again")
     if not flowed:
-        text = "stop was sent, but no current was flowing before, so the feedback "
+        text = "stop was sent, and no current flows. It was not seen whether any was flowing before, so the feedback "
         return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the hand's power off")
     if not since_then:
         return Stopped(f"stop was sent, and the currents stopped: {falls}. The hand has sent nothing since", HINT)
