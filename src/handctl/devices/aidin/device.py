@@ -12,6 +12,7 @@ from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_o
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
+from handctl.devices.aidin.stopper import FLOWED, flow
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.device_clock import Moment
@@ -60,10 +61,12 @@ class AidinHand(Device):
         self.conversation.identify()
 
     def stop_context(self) -> StopContext:
-        """What ends an object is known."""
+        """What ends an object is known, and whether the last feedback showed a current."""
         context = super().stop_context()
         end = next(name for name, data in TERMINATORS.items() if data == self.conversation.way.end)
-        return context._replace(settings=context.settings._replace(own={"tx_terminator": end}))
+        currents = self.conversation.feedback.values.get("current_state", (0,))
+        own = {"tx_terminator": end, FLOWED: flow(currents)}
+        return context._replace(settings=context.settings._replace(own=own))
 
     # -- reading -------------------------------------------------------------------------------------------------
 
