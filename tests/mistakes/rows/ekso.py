@@ -8,6 +8,25 @@ SETTINGS = "handctl.devices.ekso.setting_writer"
 
 ROWS = (
     mistake(
+        "ekso-contradiction-is-a-duplicate",
+        "false success",
+        PORT,
+        "DataPort._contradicts",
+        "return frame.status & 0xFF != written.status & 0xFF",
+        "return False",
+        "tests/ekso/test_settings.py::test_two_answers_that_contradict_each_other_are_no_success",
+        "tests/ekso/test_device.py::test_two_answers_to_cancel_that_contradict_each_other_are_no_success",
+    ),
+    mistake(
+        "ekso-ctrl-c-leaves-a-setting-unread",
+        "success without evidence",
+        SETTINGS,
+        "Writer._send",
+        "presses.most = 0 if self._interrupted else 1",
+        "presses.most = 0",
+        "tests/ekso/test_settings.py::test_ctrl_c_while_the_settings_are_read_back",
+    ),
+    mistake(
         "ekso-words-low-byte-first",
         "byte order",
         FRAMES,

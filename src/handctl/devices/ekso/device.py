@@ -396,6 +396,7 @@ class Ekso(Device):
         try:
             try:
                 frame = self.port.exchange(Command.CANCEL_ACTION, body)
+                self.port.resynchronise()  # a second answer may contradict it
             except (NoAnswer, ProtocolError, LinkError) as exc:
                 record("cancel-result", {"answer": None, "verdict": exc.text})
                 if self.journal.counters.sent > before:
@@ -414,10 +415,12 @@ class Ekso(Device):
                 hint=Hint("check with {}, and send it again with {} if needed", "ekso status", "ekso cancel"),
             ) from None
         text = status_text(frame.status)
-        record("cancel-result", {"answer": hex_bytes(frame.data), "status": frame.status, "verdict": text})
-        if frame.status & 0xFF:
+        twice = self.port.contradiction is not None
+        verdict = self.port.statuses if twice else text
+        record("cancel-result", {"answer": hex_bytes(frame.data), "status": frame.status, "verdict": verdict})
+        if frame.status & 0xFF or twice:
             raise DeviceRefused(
-                f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{frame.status:04X})",
+                f"{self.port.where}: CancelAction 0x{word:04X}: {self.port.statuses}",
                 hint=Hint("check with {}: the action may still be running", "ekso status"),
             )
         row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": frame.status, "unit": None}
