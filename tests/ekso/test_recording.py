@@ -360,6 +360,8 @@ ENDS: dict[str, tuple[list[tuple[float, int | BaseException]], Limits, list[str]
     "a restart": ([*steady(3), *steady(2, 1)], Limits(rows=5), []),
     "an answer that never came": ([*steady(3), (0.5, NoAnswer("x")), (0.02, 1581)], Limits(rows=4), ["lost"]),
     "silence": ([*steady(3), *[(3.0, NoAnswer("x"))] * 3], Limits(silence=5), ["lost", "no-answer"]),
+    "silence until the end": ([*steady(3), *[(0.5, NoAnswer("x"))] * 3], Limits(duration=1.5), ["lost", "no-answer"]),
+    "damage until the end": ([*steady(3), *[(0.5, ProtocolError("x"))] * 3], Limits(duration=1.5), ["lost", "bad-answer"]),
     "a port that did not come back": ([*steady(3), (0.0, LOST)], Limits(), ["lost"]),
     "a deadline": ([*steady(3), (0.0, NoAnswer("x", code="deadline"))], Limits(), ["deadline"]),
     "a full disk": ([*steady(3), (0.0, OutputError("full", code="log-file"))], Limits(), ["log-file"]),
@@ -417,6 +419,39 @@ def test_lost_requests_leave_holes_and_a_gap(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert (recording.lost, sidecar(path)["gaps"]) == (2, [[4161, 3120]])
     assert recording.as_row()["gaps"] == 1
+
+
+@each_row(
+    "seconds, code",
+    [(0.3, None), (1.5, 4)],
+)
+def test_a_device_that_is_silent_until_the_end_leaves_a_gap_there(
+    tmp_path: Path, seconds: float, code: int | None
+) -> None:
+    """Also the time behind the last row is told; a second of it is no log that ended as asked."""
+    path = tmp_path / "a.csv"
+    script = [*steady(LEARNED + 2), *[(0.025, NoAnswer("nothing"))] * 200]
+    start = 0.02 * (LEARNED + 2)
+    failure, recording, _ = recorded(path, script, limits=Limits(duration=start + seconds))
+    assert (failure.exit_code if failure is not None else None) == code
+    about = sidecar(path)
+    gaps = [length for _, length in about["gaps"]]
+    assert (len(gaps), recording.as_row()["gaps"]) == ((1, 1))
+    assert all(length == pytest.approx(seconds * 1000, abs=100) for length in gaps)
+    assert (about["complete"], about["ended"]) == (False, "limit" if code is None else "no-answer")
+    assert about["duration_s"] == pytest.approx(start - 0.02, abs=0.03), "rows end where they end"
+
+
+def test_a_log_without_a_row_is_a_failure(tmp_path: Path) -> None:
+    failure, recording, _ = recorded(tmp_path / "a.csv", [(0.5, NoAnswer("x"))] * 9, limits=Limits(duration=2))
+    assert isinstance(failure, NoAnswer) and recording.rows == 0
+
+
+def test_ctrl_c_in_silence_leaves_a_gap_at_the_end(tmp_path: Path) -> None:
+    script = [*steady(3), (2.0, NoAnswer("x")), (0.0, KeyboardInterrupt())]
+    failure, _, _ = recorded(tmp_path / "a.csv", script, limits=Limits())
+    assert isinstance(failure, Interrupted)
+    assert [length for _, length in sidecar(tmp_path / "a.csv")["gaps"]] == [2050]
 
 
 def test_silence_ends_a_log_but_not_at_once(tmp_path: Path) -> None:

@@ -70,7 +70,7 @@ class Place(NamedTuple):
 
 
 class Gap(NamedTuple):
-    """An interval that is too long: the device's clock at its end, its length."""
+    """An interval that is too long: the device's clock at its end, None = it has none or no row came any more; its length."""
 
     boot_ms: int | None
     length_ms: int
@@ -282,6 +282,12 @@ class Timeline:
         self.segments[-1].take(place, clocked=place.boot_ms is not None and not self.unfit)
         self.rows += 1
         self.last = place
+
+    def end(self, silent_ms: int) -> None:
+        """No more rows: the time without a valid reply at the end is a gap as well, if it is too long."""
+        period = self.period_ms
+        if silent_ms > (GAP_PERIODS * period if period < inf else 0):
+            self.gaps.append(Gap(None, silent_ms))
 
     @property
     def period_ms(self) -> float:

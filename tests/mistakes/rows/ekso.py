@@ -251,6 +251,16 @@ ROWS = (
         "tests/ekso/test_recording.py::test_silence_ends_a_log_but_not_at_once",
     ),
     mistake(
+        "log-silent-at-its-end-is-as-asked",
+        "wrong exit code",
+        "handctl.record.recording_loop",
+        "Loop.run",
+        "if self._failed is None or silent < SILENT_S:",
+        "if silent < 100 * SILENT_S:",
+        "tests/ekso/test_recording.py::test_a_device_that_is_silent_until_the_end_leaves_a_gap_there",
+        "tests/ekso/test_recording.py::test_a_whole_log_is_complete_and_no_other",
+    ),
+    mistake(
         "ekso-log-row-lost-by-ctrl-c",
         "evidence lost",
         "handctl.record.recording_loop",

@@ -74,7 +74,9 @@ class Feedback:
             self.quality.came(param.key)
             self.seen[param.key] = self.seen.get(param.key, 0) + 1
             try:
-                self.values[param.key] = numbers(content[param.key], param.count, int_range=param.int_range)
+                self.values[param.key] = numbers(
+                    content[param.key], param.count, int_range=param.int_range, most=param.most_on_wire
+                )
                 self.good[param.key] = self.good.get(param.key, 0) + 1
                 self.errors.pop(param.key, None)
                 self.wrong.pop(param.key, None)

@@ -15,10 +15,9 @@ from math import inf
 
 from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, some
 from handctl.errors import CheckFailed, Hint
+from handctl.model.param import Number
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from handctl.devices.aidin.exchange import Wire
+Numbers = tuple[Number, ...]
 
 FASTEST, FASTEST_TO_0 = 3.0, 1.0
 """Ranges a second that no element passes, and that all motors together do not pass on their way to exactly 0. Ours: the manual has
@@ -56,7 +55,7 @@ class FeedbackGuard:
         self.fault: ImplausibleFeedback | None = None
         self.changed = False
         self.sets_origin = inf
-        self._last: dict[str, Wire] = {}
+        self._last: dict[str, Numbers] = {}
         self._at: dict[str, float] = {}
         self._begun: dict[str, tuple[float, int]] = {}  # the first object, and how many have come since
         self._change, self._same = 0.0, 0  # the last change of any value, and the objects with sensors since
@@ -66,7 +65,7 @@ class FeedbackGuard:
             0.0,
         )  # the last change of the sensors, how many, the longest pause
 
-    def note(self, where: str, at: float, good: Mapping[str, Wire]) -> None:
+    def note(self, where: str, at: float, good: Mapping[str, Numbers]) -> None:
         """Take the good values of the keys of one object, and when it came."""
         for param in POSITIONS:
             if param.key in good and at < self.sets_origin:
@@ -91,7 +90,7 @@ class FeedbackGuard:
                 code="frozen-feedback",
             )
 
-    def _check_leap(self, where: str, at: float, param: AidinParam, now: Wire) -> None:
+    def _check_leap(self, where: str, at: float, param: AidinParam, now: Numbers) -> None:
         before = self._last.get(param.key)
         if before is None or before == now:
             return
