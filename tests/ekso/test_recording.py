@@ -421,6 +421,29 @@ def test_lost_requests_leave_holes_and_a_gap(tmp_path: Path) -> None:
     assert recording.as_row()["gaps"] == 1
 
 
+@each_row("boot", [65_521, 65_530, 131_066, 6_553_593])
+@each_row("rows", [1, 3])
+def test_a_clock_whose_two_words_do_not_belong_together_is_no_restart(tmp_path: Path, boot: int, rows: int) -> None:
+    """Right behind a carry the high word is old for some rows: 65.536 s back, and forth again."""
+    times = [boot - 100 + 20 * n for n in range(40)]
+    carry = next(n for n, one in enumerate(times) if one >> 16 != times[0] >> 16)
+    torn = [one - 65_536 * (carry <= n < carry + rows) for n, one in enumerate(times)]
+    failure, recording, _ = recorded(tmp_path / "a.csv", [(0.02, one) for one in torn])
+    about = sidecar(tmp_path / "a.csv")
+    assert failure is None and recording.timeline.reboots == 0
+    assert [segment["rebooted"] for segment in about["segments"]] == [False, False, False]
+    assert [segment["why"] for segment in about["segments"]] == [[], ["clocks"], ["clocks"]]
+    assert about["duration_s"] == pytest.approx(0.78, abs=0.06)
+
+
+def test_a_restart_is_one_at_any_time_but_that() -> None:
+    for boot, wanted in ((5_000, True), (65_536 + 500, True), (65_536 + 5, None)):
+        line = Timeline()
+        for n in range(3):
+            line.count(line.place(boot - 40 + 20 * n, Moment(0.02 * n, 0.02 * n + 0.004)))
+        assert line.place(11, Moment(0.06, 0.064)).rebooted is wanted, boot
+
+
 @each_row(
     "seconds, code",
     [(0.3, None), (1.5, 4)],

@@ -242,12 +242,12 @@ class LogFile:
 
     def remarks(self) -> tuple[str, ...]:
         """What a person is told of a log that is not whole. Complete only once it was read."""
+        cut = ". Its last row was unfinished and was skipped" if self.cut else ""
         if self.sidecar is None:
-            return (f"{self.path}.json is missing, so nothing shows that the log is complete",)
+            return (f"{self.path}.json is missing, so nothing shows that the log is complete{cut}",)
         if self.closed:
             whole = f"{self.path} is incomplete: {', '.join(self.missing)}. See its sidecar for details"
             return (whole,) if self.missing else ()
-        cut = ". Its last row was unfinished and was skipped" if self.cut else ""
         return (f"{self.path} was never closed, because handctl was killed or is still running{cut}",)
 
     def without(self, segment: int | None) -> UsageError:

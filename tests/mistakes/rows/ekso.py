@@ -251,6 +251,15 @@ ROWS = (
         "tests/ekso/test_recording.py::test_silence_ends_a_log_but_not_at_once",
     ),
     mistake(
+        "ekso-torn-clock-is-a-restart",
+        "false value",
+        "handctl.record.timeline",
+        "Timeline.place",
+        "if parted and is_torn(off) and not reopened:",
+        "if parted and is_torn(off) and reopened:",
+        "tests/ekso/test_recording.py::test_a_clock_whose_two_words_do_not_belong_together_is_no_restart",
+    ),
+    mistake(
         "log-silent-at-its-end-is-as-asked",
         "wrong exit code",
         "handctl.record.recording_loop",

@@ -24,6 +24,7 @@ from handctl.devices.ekso.parameter_map import (
     Word,
     boot_ms,
     boot_text,
+    days_of,
 )
 from handctl.devices.ekso.setting_change import Change
 from handctl.errors import (
@@ -268,6 +269,8 @@ class Ekso(Device):
         body = self.port.read(READS[clock.name]).body
         parts = zip(clock.parts, body, strict=False)
         wrong = [f"{name} {number}" for (name, low, high), number in parts if not low <= number <= high]
+        if clock.name == "date" and not wrong and body[2] > days_of(body[0], body[1]):
+            wrong = [f"day {body[2]} of month {body[1]}"]
         if wrong:
             text = f"{self.link.name}: the device's {clock.name} is impossible: {', '.join(wrong)}"
             self.journal.warn("clock", text)
