@@ -463,6 +463,8 @@ AT_REST = 0.2
 CONFIRM = 1.0
 NOISE = 4.0
 """A value so many times what it changes by itself is no noise."""
+USUAL = 3.0
+"""It may change so many times more than the median of its kind, the forces or the torques."""
 SENSOR_STATE = AIDIN["sensor_state"]
 LEFT_HINT = Hint("use `handctl aidin joints …` to hold a position again, or {} to free the fingers", "aidin stop")
 
@@ -524,9 +526,15 @@ def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list
     table = hand.table(hand.read(elements_of(SENSOR_STATE)))
     table.columns = (*hand.columns[:3], Column("before", "Before", right=True), *hand.columns[3:])
     worse = []
-    for row, old, older in zip(table.rows, before, earlier, strict=True):
+    changes = [abs(old - older) for old, older in zip(before, earlier, strict=True)]
+    for index, (row, old) in enumerate(zip(table.rows, before, strict=True)):
         row["before"] = old
-        if "value" in row and abs(row["value"]) >= abs(old) and abs(row["value"]) > NOISE * abs(old - older):
+        kind = SENSOR_STATE.label_of(index)[
+            0
+        ]  # a force or a torque: one change by chance may be far smaller than the noise
+        same = sorted(change for at, change in enumerate(changes) if SENSOR_STATE.label_of(at)[0] == kind)
+        noise = NOISE * max(changes[index], USUAL * same[len(same) // 2])
+        if "value" in row and abs(row["value"]) >= abs(old) and abs(row["value"]) > noise:
             worse.append(f"{row['finger']}.{row['element']} {old:g} to {row['value']:g}")
     return table, worse
 
