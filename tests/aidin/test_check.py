@@ -252,8 +252,8 @@ def turned(at: list[int]) -> list[float]:
 
 
 ASTRAY: dict[str, Seen] = {
-    "the encoder of a motor that stands jumps": lambda n, at: told([*at[:8], at[8] - 60000 * (n > 5), *at[9:]]),
-    "that of the motor that moves": lambda n, at: told([at[0] - 100000 * (n > 5), *at[1:]]),
+    "the encoder of a motor that stands jumps": lambda n, at: told([*at[:8], at[8] - 20000 * (n > 5), *at[9:]]),
+    "that of the motor that moves": lambda n, at: told([at[0] - 35000 * (n > 5), *at[1:]]),
     "all encoders are set to 0 at the far end": lambda n, at: told([at[0] * (n < 10), *at[1:]]),
     "another motor runs away": lambda n, at: told([*at[:3], at[3] + min(n * 9000, 440000), *at[4:]]),
     "another finger turns": lambda n, at: told(at, joint_pos=turned(at)),

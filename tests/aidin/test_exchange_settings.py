@@ -16,7 +16,7 @@ from handctl.devices.aidin.exchange_settings import (
 )
 from handctl.errors import NoAnswer, UsageError
 from handctl.model.command_settings import Settings
-from tests.aidin.support import feedback, hand_on, poller, simulated, stopped, streamer
+from tests.aidin.support import Streamer, feedback, hand_on, line, poller, simulated, stopped, streamer
 from tests.support.cli import run, sent
 from tests.support.each_row import each_row
 from tests.support.refused import refused
@@ -112,6 +112,10 @@ def test_stop_says_when_feedback_proves_nothing() -> None:
     left = iter([300, 250, 200, 150] + [0] * 1000)
     busy = stopped(poller(lambda _: feedback(current_state=[next(left)] * 15)))
     assert busy.error is None and "the currents stopped" in busy.text
+    hand = hand_on(Streamer(lambda t: line(feedback(current_state=[300 * (t < 1)] * 15)), 0.1))
+    hand.dump()
+    hand.link.sleep(1.0)
+    assert hand.stop().evidence == "the currents stopped", "it was seen in the feedback before the stop"
 
 
 # -- the command line -------------------------------------------------------------------------------------------------

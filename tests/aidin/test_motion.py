@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from random import Random
 from typing import Any
 
 import pytest
@@ -170,6 +171,18 @@ def test_stop_to_a_mute_hand_is_sent_and_not_confirmed() -> None:
     assert link.clock < 1.5
 
 
+def test_a_stop_whose_connection_is_closed_says_what_ends_a_movement() -> None:
+    """By a hand that serves another client, say."""
+    hand = hand_on(streamer())
+
+    def closed(deadline: object, size: int = 4096) -> bytes:
+        raise LinkError("connection closed by the other end", hint="run the command again", code="lost")
+
+    hand.link.read = closed  # type: ignore[method-assign,assignment,attr-defined]
+    ended = hand.stop()
+    assert ended.error is LinkError and "power off" in ended.hint and "un the command again" in ended.hint
+
+
 def test_stop_that_leaves_currents() -> None:
     ended = stopped(streamer(feedback(current_state=[-400] + [0] * 14)))
     assert ended.error is CheckFailed and "currents up to 400" in ended.text
@@ -200,6 +213,21 @@ def test_noise_about_zero_is_no_failure() -> None:
     values = iter([0.001, -0.002, 0.002, -0.001] * 300)
     link = Streamer(lambda _: line(feedback(sensor_state=[next(values)] * 30)))
     assert homing_and_bias.bias(hand_on(link)).failure is None
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_noise_that_hardly_changes_by_chance_is_no_failure(seed: int) -> None:
+    random = Random(seed)
+
+    def noisy(t: float) -> bytes:
+        return line(feedback(sensor_state=[round(random.gauss(0, 0.001), 5) for _ in range(30)]))
+
+    assert homing_and_bias.bias(hand_on(Streamer(noisy))).failure is None
+    grows = Streamer(
+        lambda t: line(feedback(sensor_state=[0.2 * (n == 8) * (1 + t) + random.gauss(0, 0.001) for n in range(30)]))
+    )
+    failure = homing_and_bias.bias(hand_on(grows)).failure
+    assert failure is not None and "index.fz" in failure.text and "," not in failure.text
 
 
 def test_bias_is_refused_while_a_motor_moves() -> None:
@@ -280,7 +308,7 @@ def test_what_does_not_arrive_is_named() -> None:
 
 
 def test_passing_by_is_not_arriving() -> None:
-    link = Streamer(lambda t: line(feedback(motor_pos=[0] * 5 + [round(100000 * t) % 170000] + [0] * 9)))
+    link = Streamer(lambda t: line(feedback(motor_pos=[0] * 5 + [round(abs(100000 * t % 340000 - 170000))] + [0] * 9)))
     table = motion.move(
         hand_on(link), parse(ENCODERS, ["0"] * 5 + ["85000"] + ["0"] * 9), Prompts(), assume_homed=False
     )

@@ -49,6 +49,19 @@ def test_one_bad_number_is_its_own_error(param: object, odd: object, polled: boo
         assert len(rows) == 95
 
 
+@each_row("number", [1e308, -1e308, 1.7e308, 10**307])
+def test_an_angle_that_is_finite_in_radians_alone_is_refused(number: float) -> None:
+    """It is infinite in degrees. Two that make a sum of 0 are as bad."""
+    content = feedback()
+    angles = list(content["joint_pos"])  # type: ignore[call-overload]
+    angles[4:6] = [number, -number]
+    rows = hand_on(streamer({**content, "joint_pos": angles})).dump().rows
+    assert [f"{row['finger']}.{row['element']}" for row in rows if "error" in row] == ["index.q1", "index.q2"]
+    with pytest.raises(ProtocolError, match="not finite") as caught:
+        hand_on(streamer({**content, "joint_pos": angles})).conversation.need(FEEDBACK[1])
+    assert caught.value.exit_code == 5
+
+
 def test_a_command_does_not_drive_by_an_array_with_a_bad_number() -> None:
     hand = hand_on(streamer(with_odd("motor_pos", 7, math.nan)))
     with pytest.raises(ProtocolError, match=r"middle\.m2.*not finite"):

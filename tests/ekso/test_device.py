@@ -332,6 +332,20 @@ def test_cancel_is_sent_once_and_noted() -> None:
     assert noted == []
 
 
+def test_two_answers_to_cancel_that_contradict_each_other_are_no_success() -> None:
+    for statuses in ([0, 2], [2, 0]):
+        unit = Unit()
+        unit.on = {
+            CANCEL: lambda msg_id, _body, of=statuses: [
+                (0.001 + 0.01 * n, frame(CANCEL, msg_id, pack([status]))) for n, status in enumerate(of)
+            ]
+        }
+        noted, error = cancelling(unit)
+        assert isinstance(error, DeviceRefused) and error.exit_code == 6
+        assert all(f"0x{status:04X}" in str(noted[1][1]["verdict"]) for status in statuses)
+        assert unit.commands() == [CANCEL]
+
+
 def test_cancel_without_an_answer_shows_the_state_and_is_not_repeated() -> None:
     unit = Unit()
     unit.on = {CANCEL: lambda _msg_id, _body: []}

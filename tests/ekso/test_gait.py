@@ -183,6 +183,18 @@ def test_the_command_lists_every_stride(log: Path) -> None:
     assert "simulated" in done.codes()
 
 
+def test_a_log_that_is_not_whole_is_told(log: Path) -> None:
+    """Killed, with its last row cut: with its sidecar or without it."""
+    about = Path(f"{log}.json")
+    about.write_text(about.read_text().replace('"closed": true', '"closed": false'))
+    log.write_bytes(log.read_bytes()[:-20])
+    for _ in range(2):
+        done = run("ekso", "gait", log, "--json")
+        assert (done.code, done.codes().count("log")) == (0, 1), done
+        assert "Its last row was unfinished and was skipped" in done.out
+        about.unlink(missing_ok=True)
+
+
 def test_the_page_has_the_curves_the_figures_and_every_refusal(log: Path) -> None:
     page = log.with_name("gait.html")
     done = run("ekso", "gait", log, "--page", page, "--json")

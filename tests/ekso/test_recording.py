@@ -361,6 +361,8 @@ ENDS: dict[str, tuple[list[tuple[float, int | BaseException]], Limits, list[str]
     "a restart": ([*steady(3), *steady(2, 1)], Limits(rows=5), []),
     "an answer that never came": ([*steady(3), (0.5, NoAnswer("x")), (0.02, 1581)], Limits(rows=4), ["lost"]),
     "silence": ([*steady(3), *[(3.0, NoAnswer("x"))] * 3], Limits(silence=5), ["lost", "no-answer"]),
+    "silence until the end": ([*steady(3), *[(0.5, NoAnswer("x"))] * 3], Limits(duration=1.5), ["lost", "no-answer"]),
+    "damage until the end": ([*steady(3), *[(0.5, ProtocolError("x"))] * 3], Limits(duration=1.5), ["lost", "bad-answer"]),
     "a port that did not come back": ([*steady(3), (0.0, LOST)], Limits(), ["lost"]),
     "a deadline": ([*steady(3), (0.0, NoAnswer("x", code="deadline"))], Limits(), ["deadline"]),
     "a full disk": ([*steady(3), (0.0, OutputError("full", code="log-file"))], Limits(), ["log-file"]),
@@ -418,6 +420,62 @@ def test_lost_requests_leave_holes_and_a_gap(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert (recording.lost, sidecar(path)["gaps"]) == (2, [[4161, 3120]])
     assert recording.as_row()["gaps"] == 1
+
+
+@each_row("boot", [65_521, 65_530, 131_066, 6_553_593])
+@each_row("rows", [1, 3])
+def test_a_clock_whose_two_words_do_not_belong_together_is_no_restart(tmp_path: Path, boot: int, rows: int) -> None:
+    """Right behind a carry the high word is old for some rows: 65.536 s back, and forth again."""
+    times = [boot - 100 + 20 * n for n in range(40)]
+    carry = next(n for n, one in enumerate(times) if one >> 16 != times[0] >> 16)
+    torn = [one - 65_536 * (carry <= n < carry + rows) for n, one in enumerate(times)]
+    failure, recording, _ = recorded(tmp_path / "a.csv", [(0.02, one) for one in torn])
+    about = sidecar(tmp_path / "a.csv")
+    assert failure is None and recording.timeline.reboots == 0
+    assert [segment["rebooted"] for segment in about["segments"]] == [False, False, False]
+    assert [segment["why"] for segment in about["segments"]] == [[], ["clocks"], ["clocks"]]
+    assert about["duration_s"] == pytest.approx(0.78, abs=0.06)
+
+
+def test_a_restart_is_one_at_any_time_but_that() -> None:
+    for boot, wanted in ((5_000, True), (65_536 + 500, True), (65_536 + 5, None)):
+        line = Timeline()
+        for n in range(3):
+            line.count(line.place(boot - 40 + 20 * n, Moment(0.02 * n, 0.02 * n + 0.004)))
+        assert line.place(11, Moment(0.06, 0.064)).rebooted is wanted, boot
+
+
+@each_row(
+    "seconds, code",
+    [(0.3, None), (1.5, 4)],
+)
+def test_a_device_that_is_silent_until_the_end_leaves_a_gap_there(
+    tmp_path: Path, seconds: float, code: int | None
+) -> None:
+    """Also the time behind the last row is told; a second of it is no log that ended as asked."""
+    path = tmp_path / "a.csv"
+    script = [*steady(LEARNED + 2), *[(0.025, NoAnswer("nothing"))] * 200]
+    start = 0.02 * (LEARNED + 2)
+    failure, recording, _ = recorded(path, script, limits=Limits(duration=start + seconds))
+    assert (failure.exit_code if failure is not None else None) == code
+    about = sidecar(path)
+    gaps = [length for _, length in about["gaps"]]
+    assert (len(gaps), recording.as_row()["gaps"]) == ((1, 1))
+    assert all(length == pytest.approx(seconds * 1000, abs=100) for length in gaps)
+    assert (about["complete"], about["ended"]) == (False, "limit" if code is None else "no-answer")
+    assert about["duration_s"] == pytest.approx(start - 0.02, abs=0.03), "rows end where they end"
+
+
+def test_a_log_without_a_row_is_a_failure(tmp_path: Path) -> None:
+    failure, recording, _ = recorded(tmp_path / "a.csv", [(0.5, NoAnswer("x"))] * 9, limits=Limits(duration=2))
+    assert isinstance(failure, NoAnswer) and recording.rows == 0
+
+
+def test_ctrl_c_in_silence_leaves_a_gap_at_the_end(tmp_path: Path) -> None:
+    script = [*steady(3), (2.0, NoAnswer("x")), (0.0, KeyboardInterrupt())]
+    failure, _, _ = recorded(tmp_path / "a.csv", script, limits=Limits())
+    assert isinstance(failure, Interrupted)
+    assert [length for _, length in sidecar(tmp_path / "a.csv")["gaps"]] == [2050]
 
 
 def test_silence_ends_a_log_but_not_at_once(tmp_path: Path) -> None:

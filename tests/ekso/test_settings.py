@@ -372,6 +372,40 @@ def test_refused_and_yet_taken(bench: Bench) -> None:
     assert "the new value reads back" in bench.failing(CheckFailed, "step_length=16").text
 
 
+@each_row(
+    "first, second, taken, gap, says",
+    [
+        (0, 0x2001, True, 0.001, "reads back the new value"),
+        (0x2001, 0, True, 0.001, "reads back the new value"),
+        (0, 2, False, 0.001, "reads back the old value"),
+        (0, 2, True, 0.03, "reads back the new value"),  # it comes while the settings are being read
+    ],
+)
+def test_two_answers_that_contradict_each_other_are_no_success(
+    tmp_path: Path, first: int, second: int, taken: bool, gap: float, says: str
+) -> None:
+    bench = Bench(tmp_path)
+
+    def twice(msg_id: int, body: bytes) -> list[Reply]:
+        if taken:
+            take(bench, body, 0)
+        bench.unit.turn = 0.05
+        return [(0.001, frame(SET, msg_id, pack([first]))), (0.001 + gap, frame(SET, msg_id, pack([second])))]
+
+    bench.unit.on = {SET: twice}
+    error = bench.failing(CheckFailed, "step_length=16")
+    assert (error.code, error.exit_code) == ("read-back", 7)
+    assert says in error.text and f"0x{first:04X}" in error.text and f"0x{second:04X}" in error.text
+    assert "contradiction" in codes(bench.port.journal) and "duplicate" not in codes(bench.port.journal)
+    assert len(bench.unit.written()) == 1 and bench.entries[1]["verdict"] == error.text
+
+
+def test_the_same_answer_twice_contradicts_nothing(bench: Bench) -> None:
+    bench.unit.on = {SET: lambda msg_id, body: [(0.001, frame(SET, msg_id, take(bench, body, 0)) * 2)]}
+    assert bench.set("step_length=16") == [16.0]
+    assert "contradiction" not in codes(bench.port.journal)
+
+
 @each_row("word", [word for word in range(22) if word != 2])
 def test_any_other_word_that_changes_is_noticed(tmp_path: Path, word: int) -> None:
     bench = Bench(tmp_path)
@@ -469,6 +503,31 @@ def test_ctrl_c_waits_for_the_read_back(bench: Bench, taken: bool) -> None:
     assert ("was written and read back" if taken else "not applied") in error.text
     assert bench.unit.commands()[-1] == SETTINGS
     assert bench.entries[1]["read_back"]["step_length"] == (1600 if taken else 1550)
+    assert len(bench.unit.written()) == 1
+
+
+@pytest.mark.parametrize("presses", [1, 2])
+def test_ctrl_c_while_the_settings_are_read_back(bench: Bench, presses: int) -> None:
+    """One is no reason to leave a worn device unread; two are."""
+
+    def interrupted(_msg_id: int, body: bytes) -> list[Reply]:
+        def read(msg_id: int, _body: bytes) -> list[Reply]:
+            for _ in range(presses):
+                signal.raise_signal(signal.SIGINT)
+            bench.unit.on = {}
+            return [(0.2, frame(SETTINGS, msg_id, bench.unit.body_of(SETTINGS)))]
+
+        bench.unit.on = {SETTINGS: read}
+        return [(0.001, frame(SET, _msg_id, take(bench, body, 0)))]
+
+    bench.unit.on = {SET: interrupted}
+    error = bench.failing(Interrupted, "step_length=16")
+    assert error.exit_code == 130
+    if presses == 1:
+        assert "was written and read back" in error.text
+        assert bench.entries[1]["read_back"]["step_length"] == 1600
+    else:
+        assert "interrupted again" in error.text and bench.entries[1]["read_back"] is None
     assert len(bench.unit.written()) == 1
 
 

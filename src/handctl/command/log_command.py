@@ -33,6 +33,7 @@ from handctl.record.csv_columns import RowsLayout
 from handctl.record.marks import Heard, Marks
 from handctl.record.recording_loop import Limits, Loop
 from handctl.record.row_source import Ended, Sample, Source
+from handctl.record.timeline import TORN_MS, is_torn
 from handctl.screen.csv_output import REMARKS, column_of, in_persons_unit
 from handctl.screen.plain_tables import text_of
 from handctl.wording import plural
@@ -250,6 +251,11 @@ def _tell(run: Run, recording: Recording) -> None:
             if any(s.rebooted is None for s in parted)
             else ""
         )
+        if any(is_torn(s.first.off_ms) for s in parted):
+            maybe += (
+                f" A jump of {TORN_MS / 1000:.3f} s and back is a torn reading: the two 16-bit words of the clock were taken at "
+                "different moments."
+            )
         run.journal.warn(
             "clocks-parted",
             f"{clock} and the clock of this computer disagreed {plural(len(parted), 'time')}, by up to {most:+.3f} s. Each jump "

@@ -20,7 +20,7 @@ from contextlib import nullcontext
 from itertools import groupby
 from typing import TYPE_CHECKING
 
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, joined
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.link import ByteLink, CanFrame, Deadline, FrameLink, Link
@@ -191,7 +191,7 @@ def run_stop(
         with ledger.repeating() if ledger is not None else nullcontext():
             stopped = exchange_steps(link, sequence, sent, plan, until)
     except HandctlError as exc:
-        return Stopped(exc.text, exc.hint, type(exc))
+        return Stopped(exc.text, joined("switch the power off if the device still moves", exc.hint), type(exc))
     if ledger is not None and stopped.evidence:
         ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
     return stopped

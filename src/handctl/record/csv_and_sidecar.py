@@ -130,9 +130,10 @@ class Recording:
             timed = {"heard": [one.as_row() for one in heard]} if any(one.by for one in heard) else {}
             self.marks.append({"row": row, "boot_ms": boot, "t_s": t_ms, "text": mark, **timed})
 
-    def end(self) -> None:
-        """No more rows: a mark that waits for one is kept by the sidecar alone, without a row; so is a hole."""
+    def end(self, silent: float = 0.0) -> None:
+        """No more rows: a mark that waits for one is kept by the sidecar alone, without a row; so is a hole, and a gap of the `silent` seconds at the end."""
         self._keep_mark(None)
+        self.timeline.end(round(silent * 1000))
         if self._reopened:
             self._reopened = False
             self.timeline.holes.append(Hole(None))

@@ -254,12 +254,12 @@ class LogFile:
 
     def remarks(self) -> tuple[str, ...]:
         """What a person is told of a log that is not whole. Complete only once it was read."""
+        cut = ". Its last row was unfinished and was skipped" if self.cut else ""
         if self.sidecar is None:
-            return (f"{self.path}.json is missing, so nothing shows that the log is complete",)
+            return (f"{self.path}.json is missing, so nothing shows that the log is complete{cut}",)
         if self.closed:
             whole = f"{self.path} is incomplete: {', '.join(self.missing)}. See its sidecar for details"
             return (whole,) if self.missing else ()
-        cut = ". Its last row was unfinished and was skipped" if self.cut else ""
         full = "its sidecar could not be written at the end: the disk was probably full"
         why = full if self.sidecar.get("ended") else "handctl was killed or is still running"
         return (f"{self.path} was never closed, because {why}{cut}",)

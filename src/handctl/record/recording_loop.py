@@ -26,6 +26,8 @@ RETRY_S = 0.1
 SHORTEST_S = 0.005
 """No answer comes sooner on any line. Where the clock is virtual, and the line has no speed, none would pass otherwise."""
 ENDS = "Ctrl-C ends the log."
+SILENT_S = 1.0
+"""Without a valid reply for so long before its end, a recording has not ended as asked."""
 LOOK_S = 1.0
 """Between two looks beside the rows."""
 LOOK_REST_S = 10.0
@@ -117,6 +119,8 @@ class Loop:
         """Whether a request is without its answer."""
         self._answer: Sample | None = None
         """What the last request was answered with."""
+        self._failed: NoAnswer | ProtocolError | None = None
+        """Why the last request has no valid reply."""
 
     def run(self) -> HandctlError | None:
         """Record; what ended it before a limit, if anything. Never raises."""
@@ -143,8 +147,12 @@ class Loop:
             recording.skipped = self.pace.skipped
             with contextlib.suppress(OSError):
                 self._prompts.done()
-            recording.end()
-        return None
+            silent = self._clock.now() - self._heard if self._failed is not None else 0.0
+            recording.end(silent)
+        if self._failed is None or silent < SILENT_S:
+            return None
+        since = f"after row {recording.rows}" if recording.rows else "since the start"
+        return self._failed.reworded(f"{self._failed.text}. No row was recorded in the last {silent:.1f} s, {since}")
 
     @property
     def wanted(self) -> bool:
@@ -168,6 +176,7 @@ class Loop:
             self._asked = False
             if exc.code == "deadline":  # it was not even sent
                 raise
+            self._failed = exc
             recording.lost += 1
             now, bound = self._clock.now(), self._limits.bound
             if now - self._heard >= self._limits.silence or (bound is not None and now >= bound):
@@ -175,7 +184,7 @@ class Loop:
             if not self._limits.rate:
                 self._clock.sleep(PAUSE_S)
             return
-        self._asked = False
+        self._asked, self._failed = False, None
         if answer.moment.sent == answer.moment.answered:
             self._clock.sleep(SHORTEST_S)
         self.pace.sent(answer.moment.sent)

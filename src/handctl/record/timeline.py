@@ -18,6 +18,8 @@ from handctl.model.device_clock import WITHIN_MS, Moment, Span
 
 BOOT_WRAP = 1 << 32
 """A device's clock is 32 bit of milliseconds."""
+TORN_MS = 1 << 16
+"""It comes in two 16-bit words: a device that takes them at different moments is off by one of the high word for a moment."""
 GAP_PERIODS = 3
 LEAST_PERIOD_MS = 5.0
 """A link without a line's speed may ask faster than a device's clock ticks; the line itself needs longer."""
@@ -69,8 +71,18 @@ class Place(NamedTuple):
         return PORT_LOST in self.why
 
 
+def is_torn(off_ms: float) -> bool:
+    """Whether a jump of the device's clock is that of a torn read, there or back."""
+    return abs(abs(off_ms) - TORN_MS) <= WITHIN_MS
+
+
+def is_back(off_ms: float, now_ms: float) -> bool:
+    """Whether the jump of now undoes the torn read of the one before, so that neither was a restart."""
+    return is_torn(off_ms) and is_torn(now_ms) and (off_ms < 0) != (now_ms < 0)
+
+
 class Gap(NamedTuple):
-    """An interval that is too long: the device's clock at its end, its length."""
+    """An interval that is too long: the device's clock at its end, None = it has none or no row came any more; its length."""
 
     boot_ms: int | None
     length_ms: int
@@ -251,7 +263,10 @@ class Timeline:
             step = (boot_ms - last.boot_ms + BOOT_WRAP // 2) % BOOT_WRAP - BOOT_WRAP // 2
             off = segment.off(last.t_ms - segment.first.t_ms + step, moment)
             parted = step < 0 or abs(off) > WITHIN_MS
-            if parted and boot_ms <= moment.since(last.moment).most + WITHIN_MS:
+            if parted and is_torn(off) and not reopened:
+                back = is_back(segment.first.off_ms, off)
+                rebooted = rebooted or (None if boot_ms < last.boot_ms and not back else False)
+            elif parted and boot_ms <= moment.since(last.moment).most + WITHIN_MS:
                 rebooted = True
             elif parted and (boot_ms < last.boot_ms or reopened):
                 rebooted = rebooted or None
@@ -276,12 +291,21 @@ class Timeline:
         if place.gap_ms:
             self.gaps.append(Gap(place.boot_ms, place.gap_ms))
         if begins:
+            before = self.segments[-1] if self.segments else None
+            if before is not None and before.rebooted is None and is_back(before.first.off_ms, place.off_ms):
+                before.rebooted = False
             self.segments.append(Segment(place.segment, self.rows + 1, place, place.rebooted, place))
             self._restarted = False
             self._parted += CLOCKS in place.why
         self.segments[-1].take(place, clocked=place.boot_ms is not None and not self.unfit)
         self.rows += 1
         self.last = place
+
+    def end(self, silent_ms: int) -> None:
+        """No more rows: the time without a valid reply at the end is a gap as well, if it is too long."""
+        period = self.period_ms
+        if silent_ms > (GAP_PERIODS * period if period < inf else 0):
+            self.gaps.append(Gap(None, silent_ms))
 
     @property
     def period_ms(self) -> float:

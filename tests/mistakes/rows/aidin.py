@@ -5,7 +5,57 @@ from tests.mistakes.table import mistake
 MESSAGES = "handctl.devices.aidin.json_codec"
 TARGETS = "handctl.devices.aidin.motion"
 
+GUARD = "handctl.devices.aidin.feedback_guard"
+GUARDED = "tests/aidin/test_feedback_guard.py"
+
 ROWS = (
+    mistake(
+        "aidin-driven-on-without-an-origin",
+        "evidence believed",
+        "handctl.devices.aidin.device",
+        "stopped_if_cut_short",
+        "with hand.driven(prompts, heartbeat=heartbeat, what=what), hand.conversation.guarded():",
+        "with hand.driven(prompts, heartbeat=heartbeat, what=what):",
+        f"{GUARDED}::test_encoders_that_jump_to_0_stop_the_hand",
+        f"{GUARDED}::test_feedback_that_has_frozen_stops_the_hand",
+    ),
+    mistake(
+        "aidin-origin-lost-and-not-stopped",
+        "stop not sent",
+        "handctl.devices.aidin.device",
+        "stopped_on_error",
+        "if not isinstance(exc, kind):",
+        "if not isinstance(exc, LinkError):",
+        f"{GUARDED}::test_encoders_that_jump_to_0_stop_the_hand",
+    ),
+    mistake(
+        "aidin-leap-judged-without-the-time",
+        "evidence believed",
+        GUARD,
+        "FeedbackGuard._check_leap",
+        "most = fastest * (max(since, usual) + JITTER)",
+        "most = fastest",
+        f"{GUARDED}::test_encoders_that_jump_to_0_stop_the_hand",
+        f"{GUARDED}::test_leaps",
+    ),
+    mistake(
+        "aidin-homing-sets-no-origin",
+        "needless refusal",
+        "handctl.devices.aidin.homing_and_bias",
+        "_hold",
+        "conversation.guard.sets_origin = begin + ZEROED",
+        "conversation.guard.sets_origin = begin + 2 * HOLD",
+        f"{GUARDED}::test_an_origin_that_the_hand_sets_itself_is_none_that_is_lost",
+    ),
+    mistake(
+        "aidin-frozen-without-noise",
+        "needless refusal",
+        GUARD,
+        "FeedbackGuard.note",
+        "if self._noises >= OBJECTS and self._same >= OBJECTS and stands > max(FROZEN, NOISY * self._stood):",
+        "if self._same >= OBJECTS and stands > max(FROZEN, NOISY * self._stood):",
+        f"{GUARDED}::test_values_that_stand_are_frozen_only_where_noise_was_seen",
+    ),
     mistake(
         "aidin-homed-wherever-it-rested",
         "evidence believed",
@@ -58,8 +108,8 @@ ROWS = (
         "swallowed error",
         MESSAGES,
         "_checked",
-        "if not isfinite(number):",
-        "if number == inf:",
+        "if not isfinite(number) or abs(number) > most:",
+        "if number == inf or abs(number) > most:",
         "tests/aidin/test_quality.py::test_one_bad_number_is_its_own_error",
         "tests/aidin/test_messages.py::test_numbers_refused",
     ),

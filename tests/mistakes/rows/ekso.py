@@ -8,6 +8,25 @@ SETTINGS = "handctl.devices.ekso.setting_writer"
 
 ROWS = (
     mistake(
+        "ekso-contradiction-is-a-duplicate",
+        "false success",
+        PORT,
+        "DataPort._contradicts",
+        "return frame.status & 0xFF != written.status & 0xFF",
+        "return False",
+        "tests/ekso/test_settings.py::test_two_answers_that_contradict_each_other_are_no_success",
+        "tests/ekso/test_device.py::test_two_answers_to_cancel_that_contradict_each_other_are_no_success",
+    ),
+    mistake(
+        "ekso-ctrl-c-leaves-a-setting-unread",
+        "success without evidence",
+        SETTINGS,
+        "Writer._send",
+        "presses.most = 0 if self._interrupted else 1",
+        "presses.most = 0",
+        "tests/ekso/test_settings.py::test_ctrl_c_while_the_settings_are_read_back",
+    ),
+    mistake(
         "ekso-words-low-byte-first",
         "byte order",
         FRAMES,
@@ -230,6 +249,25 @@ ROWS = (
         "if now - self._heard >= self._limits.silence or (bound is not None and now >= bound):",
         "if now - self._heard >= 100 * self._limits.silence or (bound is not None and now >= bound):",
         "tests/ekso/test_recording.py::test_silence_ends_a_log_but_not_at_once",
+    ),
+    mistake(
+        "ekso-torn-clock-is-a-restart",
+        "false value",
+        "handctl.record.timeline",
+        "Timeline.place",
+        "if parted and is_torn(off) and not reopened:",
+        "if parted and is_torn(off) and reopened:",
+        "tests/ekso/test_recording.py::test_a_clock_whose_two_words_do_not_belong_together_is_no_restart",
+    ),
+    mistake(
+        "log-silent-at-its-end-is-as-asked",
+        "wrong exit code",
+        "handctl.record.recording_loop",
+        "Loop.run",
+        "if self._failed is None or silent < SILENT_S:",
+        "if silent < 100 * SILENT_S:",
+        "tests/ekso/test_recording.py::test_a_device_that_is_silent_until_the_end_leaves_a_gap_there",
+        "tests/ekso/test_recording.py::test_a_whole_log_is_complete_and_no_other",
     ),
     mistake(
         "ekso-log-row-lost-by-ctrl-c",

@@ -12,6 +12,7 @@ from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_o
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
+from handctl.devices.aidin.stopper import FLOWED, flow
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.device_clock import Moment
@@ -60,10 +61,12 @@ class AidinHand(Device):
         self.conversation.identify()
 
     def stop_context(self) -> StopContext:
-        """What ends an object is known."""
+        """What ends an object is known, and whether the last feedback showed a current."""
         context = super().stop_context()
         end = next(name for name, data in TERMINATORS.items() if data == self.conversation.way.end)
-        return context._replace(settings=context.settings._replace(own={"tx_terminator": end}))
+        currents = self.conversation.feedback.values.get("current_state", (0,))
+        own = {"tx_terminator": end, FLOWED: flow(currents)}
+        return context._replace(settings=context.settings._replace(own=own))
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -233,14 +236,19 @@ def step_of(meaning: str, data: bytes, end: bytes) -> Step:
 
 
 @contextmanager
-def stopped_on_error(hand: AidinHand, prompts: Prompts) -> Iterator[None]:
-    """Around what must not go on after an error: it stops the hand, and has the result of the stop in its words.
+def stopped_on_error(
+    hand: AidinHand, prompts: Prompts, kind: type[HandctlError] = HandctlError, *, otherwise: str = ""
+) -> Iterator[None]:
+    """Around what must not go on after an error of this `kind`: it stops the hand, and has the result of the stop in its words.
 
-    Of a link that is lost `stopped_if_cut_short` tells.
+    Other errors say what is in force `otherwise`. Of a link that is lost `stopped_if_cut_short` tells.
     """
     try:
         yield
     except HandctlError as exc:
+        if not isinstance(exc, kind):
+            exc.add_aftermath(Aftermath(hint=otherwise))
+            raise
         if not isinstance(exc, LinkError):
             stopped = hand.stop()
             exc.add_aftermath(Aftermath(behind=_told(stopped), moving=stopped.error is LinkError))
@@ -272,7 +280,7 @@ def stopped_if_cut_short(
     """
     driven = False
     try:
-        with hand.driven(prompts, heartbeat=heartbeat, what=what):
+        with hand.driven(prompts, heartbeat=heartbeat, what=what), hand.conversation.guarded():
             hand.journal.moves(hand.stop)
             driven = True
             try:

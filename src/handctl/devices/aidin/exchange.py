@@ -8,11 +8,13 @@ Feedback of the hand: the newest value of every key, or why it was rejected. Kno
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from handctl.devices.aidin import exchange_settings as table
 from handctl.devices.aidin.exchange_settings import FIND_OUT, PERIOD, ExchangeMode, ExchangeSettings
+from handctl.devices.aidin.feedback_guard import FeedbackGuard
 from handctl.devices.aidin.json_codec import RECORD_BYTES, Decoder, MalformedObject, WrongNumbers, numbers
 from handctl.devices.aidin.parameter_map import FEEDBACK, AidinParam
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
@@ -72,7 +74,9 @@ class Feedback:
             self.quality.came(param.key)
             self.seen[param.key] = self.seen.get(param.key, 0) + 1
             try:
-                self.values[param.key] = numbers(content[param.key], param.count, int_range=param.int_range)
+                self.values[param.key] = numbers(
+                    content[param.key], param.count, int_range=param.int_range, most=param.most_on_wire
+                )
                 self.good[param.key] = self.good.get(param.key, 0) + 1
                 self.errors.pop(param.key, None)
                 self.wrong.pop(param.key, None)
@@ -185,6 +189,8 @@ class Conversation(Line):
         self.quality = KeyErrors()
         journal.counters.keys = self.quality.keys
         self.feedback = Feedback(self.quality)
+        self.guard: FeedbackGuard | None = None
+        """What watches the feedback while the hand is driven."""
         self._shown: tuple[str, ...] = ()  # the keys of which `feedback` was shown
         self._fresh = False  # what `connect` heard has not lain in the input
         self._patience = self.timeout or SILENCE
@@ -394,16 +400,35 @@ class Conversation(Line):
 
     # -- one object a period --------------------------------------------------------------------------------------
 
+    @contextmanager
+    def guarded(self) -> Iterator[None]:
+        """Around a movement: `tick` raises ImplausibleFeedback when the encoders leap or the feedback has frozen."""
+        self.guard = FeedbackGuard()
+        self.guard.note(self.link.name, self.feedback_at, self._good_of(ALL))
+        try:
+            yield
+        finally:
+            self.guard = None
+
+    def _good_of(self, keys: Iterable[str]) -> dict[str, Wire]:
+        values, errors = self.feedback.values, self.feedback.errors
+        return {key: values[key] for key in keys if key in values and key not in errors}
+
+    def _check_plausible(self) -> None:
+        if self.guard is not None and self.guard.fault is not None:
+            raise self.guard.fault
+
     def tick(self, data: bytes, *, blind: bool = False, by: AidinParam | None = None) -> None:
         """Send one object and take feedback until its period is over; a hand that answers is waited for.
 
-        Raises NoAnswer when feedback stays away (1 s of a stream, three unanswered objects) unless `blind`, and
-        ProtocolError when what the command goes `by` is wrong three times running, or missing for 1 s.
+        Raises NoAnswer when feedback stays away (1 s of a stream, three unanswered objects) unless `blind`, ImplausibleFeedback
+        where the hand is `guarded`, and ProtocolError when what the command goes `by` is wrong three times running, or missing for 1 s.
         """
         self.identify()
         self.check_bound()
         if self.exchange is ExchangeMode.STREAM:
             self.drain()
+        self._check_plausible()
         start, end = self.link.now(), self.deadline(PERIOD)
         self.send(data)
         waits = self.exchange in (ExchangeMode.POLL, ExchangeMode.COMMAND)
@@ -416,6 +441,7 @@ class Conversation(Line):
         if answered and self.exchange is ExchangeMode.UNKNOWN:
             self.exchange = ExchangeMode.COMMAND
         self._unanswered = 0 if answered else self._unanswered + 1
+        self._check_plausible()
         silent = self._unanswered > self.retries if waits else start - self.feedback_at > (self._patience)
         if silent and not blind:
             self.check_bound()
@@ -492,7 +518,10 @@ class Conversation(Line):
         self._bad_in_a_row = self._unanswered = 0
         self._since = b""
         self.feedback_at = self.link.now()
-        self._good.update({key: self.feedback_at for key in content if key in ALL and key not in self.feedback.errors})
+        good = self._good_of(content)
+        self._good.update(dict.fromkeys(good, self.feedback_at))
+        if self.guard is not None:
+            self.guard.note(self.link.name, self.feedback_at, good)
         self._note_unknown(content)
         return True
 

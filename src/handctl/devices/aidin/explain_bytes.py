@@ -134,7 +134,7 @@ def _explained(key: str, value: object) -> tuple[str, list[Value], str]:
             "unknown-key" if not known else "" if finite else "bad-value",
         )
     try:
-        checked = numbers(value, param.count, int_range=param.int_range)
+        checked = numbers(value, param.count, int_range=param.int_range, most=param.most_on_wire)
     except ProtocolError as exc:
         return f"{key}: {exc.text}", [], "bad-value"
     amounts = [param.from_wire(number) for number in checked]

@@ -23,6 +23,7 @@ from handctl.devices.aidin.device import (
 )
 from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
+from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
 from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, Mode, some
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
@@ -321,6 +322,8 @@ def _hold(hand: AidinHand, data: bytes, prompts: Prompts, seen: Travel, *, blind
     """Send mode 1 until it was held; when that began."""
     link, conversation = hand.link, hand.conversation
     begin = last = link.now()
+    if conversation.guard is not None:
+        conversation.guard.sets_origin = begin + ZEROED
     holds = 1
     while link.now() - begin < HOLD:
         streams = hand.conversation.exchange is ExchangeMode.STREAM
@@ -416,17 +419,14 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
     mark = ledger.mark
     now: tuple[int, ...] | None = None
     before: tuple[int, ...] | None = None
-    with stopped_if_cut_short(hand, prompts), in_force(GOES_ON):
-        try:
-            while not end.expired and (now is None or _away(now) or moving(before, now)):
-                before = now
-                for _ in range(TICKS):
-                    conversation.tick(data, blind=blind, by=MOTOR_POS)
-                seen.look(conversation.link.now(), conversation.feedback)
-                now = seen.last
-                prompts.progress("Moving to the initial position.", CTRL_C)
-        finally:
-            prompts.done()
+    with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts, ImplausibleFeedback, otherwise=GOES_ON):
+        while not end.expired and (now is None or _away(now) or moving(before, now)):
+            before = now
+            for _ in range(TICKS):
+                conversation.tick(data, blind=blind, by=MOTOR_POS)
+            seen.look(conversation.link.now(), conversation.feedback)
+            now = seen.last
+            prompts.progress("Moving to the initial position.", CTRL_C)
         conversation.check_bound()
         if now is None:
             raise NoAnswer(
@@ -464,6 +464,8 @@ AT_REST = 0.2
 CONFIRM = 1.0
 NOISE = 4.0
 """A value so many times what it changes by itself is no noise."""
+USUAL = 3.0
+"""It may change so many times more than the median of its kind, the forces or the torques."""
 SENSOR_STATE = AIDIN["sensor_state"]
 LEFT_HINT = Hint("use `handctl aidin joints …` to hold a position again, or {} to free the fingers", "aidin stop")
 
@@ -525,9 +527,15 @@ def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list
     table = hand.table(hand.read(elements_of(SENSOR_STATE)))
     table.columns = (*hand.columns[:3], Column("before", "Before", right=True), *hand.columns[3:])
     worse = []
-    for row, old, older in zip(table.rows, before, earlier, strict=True):
+    changes = [abs(old - older) for old, older in zip(before, earlier, strict=True)]
+    for index, (row, old) in enumerate(zip(table.rows, before, strict=True)):
         row["before"] = old
-        if "value" in row and abs(row["value"]) >= abs(old) and abs(row["value"]) > NOISE * abs(old - older):
+        kind = SENSOR_STATE.label_of(index)[
+            0
+        ]  # a force or a torque: one change by chance may be far smaller than the noise
+        same = sorted(change for at, change in enumerate(changes) if SENSOR_STATE.label_of(at)[0] == kind)
+        noise = NOISE * max(changes[index], USUAL * same[len(same) // 2])
+        if "value" in row and abs(row["value"]) >= abs(old) and abs(row["value"]) > noise:
             worse.append(f"{row['finger']}.{row['element']} {old:g} to {row['value']:g}")
     return table, worse
 

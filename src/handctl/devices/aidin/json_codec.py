@@ -244,9 +244,11 @@ def _each_once(pairs: list[tuple[str, object]]) -> dict[str, object]:
 
 
 def numbers(
-    value: object, count: int, *, int_range: tuple[int, int] | None = None
+    value: object, count: int, *, int_range: tuple[int, int] | None = None, most: float = inf
 ) -> tuple[int, ...] | tuple[float, ...]:
     """The numbers of one key: an array of `count`; with `int_range` integers of that range (12.0 is one, too).
+
+    `most`: the largest number that is still finite in the unit to which it is converted.
 
     Raises ProtocolError naming what is wrong; the other keys of the object may be right all the same, and the other
     numbers of a WrongNumbers.
@@ -258,17 +260,15 @@ def numbers(
     if len(value) != count:
         raise ProtocolError(f"expected {count} numbers, found {len(value)}", hint=RECORD_BYTES, code="bad-length")
     kinds = {*map(type, value)}
-    if (
-        int_range is None and kinds == {float} and isfinite(sum(value))
-    ):  # as nearly all are; what is not is looked at below
-        return tuple(value)
+    if int_range is None and kinds == {float} and isfinite(sum(value)) and -most <= min(value) and max(value) <= most:
+        return tuple(value)  # as nearly all are; what is not is looked at below
     if int_range is not None and kinds == {int} and int_range[0] <= min(value) and max(value) <= int_range[1]:
         return tuple(value)
     found: list[int | float | None] = []
     wrong: dict[int, ProtocolError] = {}
     for place, single in enumerate(value):
         try:
-            number = _checked(single, int_range)
+            number = _checked(single, int_range, most)
             found.append(int(number) if int_range is not None else number)
         except ProtocolError as exc:
             found.append(None)
@@ -278,14 +278,14 @@ def numbers(
     return tuple(found)  # type: ignore[return-value]  # none is None
 
 
-def _checked(single: object, int_range: tuple[int, int] | None) -> float:
+def _checked(single: object, int_range: tuple[int, int] | None, most: float) -> float:
     if isinstance(single, bool) or not isinstance(single, int | float):
         raise ProtocolError(f"is not a number: {_shown(single)}", hint=RECORD_BYTES, code="bad-type")
     try:
         number = float(single)
     except OverflowError:
         number = inf
-    if not isfinite(number):
+    if not isfinite(number) or abs(number) > most:
         raise ProtocolError(f"is not finite: {_shown(single)}", hint=RECORD_BYTES, code="not-finite")
     if int_range is not None and (number != int(number) or not int_range[0] <= number <= int_range[1]):
         raise ProtocolError(

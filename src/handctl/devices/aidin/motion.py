@@ -29,6 +29,7 @@ from handctl.devices.aidin.device import (
 )
 from handctl.devices.aidin.exchange import Feedback, Wire, values_of
 from handctl.devices.aidin.exchange_settings import PERIOD
+from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
 from handctl.devices.aidin.homing_and_bias import MAX_TORQUE_SECONDS, check_homed, connect_or_command, named
 from handctl.devices.aidin.parameter_map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, UsageError
@@ -313,15 +314,12 @@ def move(hand: AidinHand, goal: Goal, prompts: Prompts, *, assume_homed: bool, e
     ledger = hand.journal.ledger
     begun = ledger.mark
     ledger.plan([last_step(goal, values, conversation.way.end)])
-    with stopped_if_cut_short(hand, prompts), in_force(GOES_ON):
-        try:
-            _follow(hand, goal, ramp(goal, here, values, PERIOD), prompts)
-            conversation.feedback = Feedback()
-            seen = Watch(axes_of(goal, values), STILL, hand.link.now())
-            _settle(hand, goal, values, seen, prompts)
-        finally:
-            prompts.done()
-        arrived = seen.reached
+    with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts, ImplausibleFeedback, otherwise=GOES_ON):
+        _follow(hand, goal, ramp(goal, here, values, PERIOD), prompts)
+        conversation.feedback = Feedback()
+        seen = Watch(axes_of(goal, values), STILL, hand.link.now())
+        _settle(hand, goal, values, seen, prompts)
+        arrived, lives = seen.reached, conversation.guard is not None and conversation.guard.changed
         if not arrived:
             _tell_deadline(hand, seen)
     with in_force(HOLDS if arrived else GOES_ON):
@@ -329,6 +327,11 @@ def move(hand: AidinHand, goal: Goal, prompts: Prompts, *, assume_homed: bool, e
     if table.failure is None:
         seen.note(hand.link.now(), _places(table))
         mark(hand, table, values, seen.arrivals(_pushing(hand, seen)), expect)
+        if not lives and not arrived:
+            hand.journal.warn(
+                "unchanged",
+                "no value of the feedback changed during the movement, so the hand either ignored it or repeats old values",
+            )
     if table.failure is not None:
         table.failure.add_aftermath(Aftermath(hint=GOES_ON))
     elif arrived:

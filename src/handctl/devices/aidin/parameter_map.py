@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from math import degrees, radians
+from math import degrees, inf, nextafter, radians
 from typing import Any
 
 from handctl.errors import UsageError
@@ -82,6 +82,11 @@ class AidinParam(Param):
         """The documented range of element `index` in `unit`, None where there is none."""
         both = self.limits.get(self.label_of(index)) if self.labels else None
         return None if both is None else both[0 if self.finger_of(index) == "thumb" else 1]
+
+    @property
+    def most_on_wire(self) -> float:
+        """The largest number on the wire that is still one in `unit`."""
+        return radians(nextafter(inf, 0.0)) if self.angles else inf
 
     def from_wire(self, number: Number) -> Number:
         """The value in `unit`; degrees to 4 decimals, which is finer than the wire's 6 decimals of a radian."""

@@ -21,6 +21,8 @@ CONFIRM = 60
 """Periods in which the currents may vanish, 1.2 s: also a slow stream has spoken by then."""
 NO_CURRENT = 20
 """2 % of 1000."""
+FLOWED = "flowed"
+"""Key of the context: the feedback before the stop showed a current."""
 HINT = "watch the hand, and switch its power off if it still moves"
 
 
@@ -33,7 +35,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     data = encode({"hand_mode": Mode.STOP})
     action = StopStep(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
     told: tuple[int, ...] | None = None
-    flowed = heard = spoke = False
+    flowed, heard, spoke = bool(context.settings.own.get(FLOWED)), False, False
     decoder = Decoder()
     for count in range(TIMES + CONFIRM):
         pieces = yield action
@@ -62,7 +64,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         peak = max(max(map(abs, one)) for one in since_then)
         return did_not_last(Stopped("stop was sent, and the currents stopped"), f"currents up to {peak} flow again")
     if not flowed:
-        text = "stop was sent, but no current was flowing before, so the feedback "
+        text = "stop was sent, and no current flows. It was not seen whether any was flowing before, so the feedback "
         return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the hand's power off")
     if not since_then:
         return Stopped(f"stop was sent, and the currents stopped: {falls}. The hand has sent nothing since", HINT)

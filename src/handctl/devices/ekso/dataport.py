@@ -22,6 +22,7 @@ from handctl.devices.ekso.frames import (
     encode,
     key_of,
     name_of,
+    status_text,
 )
 from handctl.devices.ekso.parameter_map import SETTINGS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
@@ -140,6 +141,10 @@ class DataPort(Line):
         self._met = False
         """Whether an answer of an EksoNR came since the port was opened."""
         self._last: tuple[int, int] | None = None
+        self._written: Frame | None = None
+        """The answer to the last request that writes."""
+        self.contradiction: Frame | None = None
+        """A second answer to it, with another status: neither of them shows what the device did."""
         self._differs: list[str] = []
         """How what came last in place of an answer differs from one."""
         self._given_up: tuple[bytes, Deadline] | None = None  # a request that Ctrl-C left without its answer
@@ -259,6 +264,7 @@ class DataPort(Line):
         row = EXCHANGES[command]
         if row.writes:
             self.identify()
+            self._written = self.contradiction = None
         if not self._settled:
             self.resynchronise()
         self._decoder.feed(self.link.read(self.link.at_once))  # it answers nothing any more: looked at to be counted
@@ -331,6 +337,8 @@ class DataPort(Line):
         self.answered_at = self.link.now()
         self._settled = self._met = True
         self._last = frame.key
+        if EXCHANGES[frame.command].writes:
+            self._written = frame
         self.counts.answered += 1
         self.journal.counters.received += 1
         self._count_stray()
@@ -381,6 +389,12 @@ class DataPort(Line):
             self.journal.info(
                 "unsolicited", f"{self.link.name}: frames arrived that handctl did not request. They were discarded"
             )
+        elif self._contradicts(frame):
+            self.counts.duplicates += 1
+            self.contradiction = frame
+            self.journal.warn(
+                "contradiction", f"{self.link.name}: {name_of(frame.command)} was answered twice: {self.statuses}"
+            )
         elif frame.key == self._last:
             self.counts.duplicates += 1
             self.journal.info("duplicate", f"{self.link.name}: replies arrived twice. The second one was discarded")
@@ -391,6 +405,18 @@ class DataPort(Line):
             )
         counters = self.journal.counters
         counters.foreign_frames = (counters.foreign_frames or 0) + 1
+
+    def _contradicts(self, frame: Frame) -> bool:
+        written = self._written
+        if written is None or frame.key != written.key or len(frame.body) != len(written.body):
+            return False
+        return frame.status & 0xFF != written.status & 0xFF
+
+    @property
+    def statuses(self) -> str:
+        """What the last request that writes was answered with: ``accepted, then refused …``."""
+        frames = (self._written, self.contradiction)
+        return ", then ".join(f"{status_text(one.status)} (status 0x{one.status:04X})" for one in frames if one)
 
     def _count_broken(self, error: ProtocolError) -> None:
         self.journal.counters.bad_frames += 1

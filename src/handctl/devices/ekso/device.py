@@ -24,6 +24,7 @@ from handctl.devices.ekso.parameter_map import (
     Word,
     boot_ms,
     boot_text,
+    days_of,
 )
 from handctl.devices.ekso.setting_change import Change
 from handctl.errors import (
@@ -270,6 +271,8 @@ class Ekso(Device):
         body = self.port.read(READS[clock.name]).body
         parts = zip(clock.parts, body, strict=False)
         wrong = [f"{name} {number}" for (name, low, high), number in parts if not low <= number <= high]
+        if clock.name == "date" and not wrong and body[2] > days_of(body[0], body[1]):
+            wrong = [f"day {body[2]} of month {body[1]}"]
         if wrong:
             text = f"{self.link.name}: the device's {clock.name} is impossible: {', '.join(wrong)}"
             self.journal.warn("clock", text)
@@ -398,6 +401,7 @@ class Ekso(Device):
         try:
             try:
                 frame = self.port.exchange(Command.CANCEL_ACTION, body)
+                self.port.resynchronise()  # a second answer may contradict it
             except (NoAnswer, ProtocolError, LinkError) as exc:
                 record("cancel-result", {"answer": None, "verdict": exc.text})
                 if self.journal.counters.sent > before:
@@ -416,10 +420,12 @@ class Ekso(Device):
                 hint=Hint("check with {}, and send it again with {} if needed", "ekso status", "ekso cancel"),
             ) from None
         text = status_text(frame.status)
-        record("cancel-result", {"answer": hex_bytes(frame.data), "status": frame.status, "verdict": text})
-        if frame.status & 0xFF:
+        twice = self.port.contradiction is not None
+        verdict = self.port.statuses if twice else text
+        record("cancel-result", {"answer": hex_bytes(frame.data), "status": frame.status, "verdict": verdict})
+        if frame.status & 0xFF or twice:
             raise DeviceRefused(
-                f"{self.port.where}: CancelAction 0x{word:04X}: {text} (status 0x{frame.status:04X})",
+                f"{self.port.where}: CancelAction 0x{word:04X}: {self.port.statuses}",
                 hint=Hint("check with {}: the action may still be running", "ekso status"),
             )
         row: Row = {"name": "cancel_action", "word": 0, "id": None, "value": 0, "raw": frame.status, "unit": None}

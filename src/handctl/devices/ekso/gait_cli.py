@@ -110,6 +110,8 @@ def _tell(run: Run, path: str, source: LogFile, walk: Walk) -> None:
     """What was found beside the figures. Raises CheckFailed where no stride counts."""
     from handctl.command.export_command import tell_simulated
 
+    for remark in source.remarks():
+        run.journal.warn("log", remark)
     for remark in walk.remarks:
         run.journal.warn("sensor", f"{path}: {remark}")
     counted = ", ".join(f"{row['value']} {row['unit']}" for row in _counts(walk))

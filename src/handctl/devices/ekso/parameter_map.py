@@ -332,6 +332,13 @@ CLOCKS = (
     Clock(name="date", message="date", doc="the device's date", form="20{:02d}-{:02d}-{:02d}", parts=_YEAR, **_CLOCK),
     Clock(name="time", message="time", doc="the device's time", form="{:02d}:{:02d}:{:02d}", parts=_HOUR, **_CLOCK),
 )
+
+
+def days_of(year: int, month: int) -> int:
+    """How many days a month of the years 2000 to 2099 has."""
+    return 30 + (month in (1, 3, 5, 7, 8, 10, 12)) - (month == 2) * (1 if year % 4 == 0 else 2)
+
+
 TWICE = {word.name for word in DATA} & {word.name for word in FEEDBACK}
 """Names that stand in two messages."""
 

@@ -215,7 +215,7 @@ class Writer:
             raise Interrupted(f"interrupted. {change.text} was not sent", hint="this setting has not changed")
 
     def _send(self, change: Change, before: Raws) -> Raws:
-        """The one SetValue; from here on nothing but a second Ctrl-C keeps the read-back from being done."""
+        """The one SetValue; from here on nothing but a second Ctrl-C keeps the read-back from being done, which has its deadlines."""
         answer: Frame | None = None
         lost: HandctlError | None = None
         self._interrupted = False
@@ -231,22 +231,27 @@ class Writer:
             raise
         bound, self.port.bound = self.port.bound, None  # a written setting is always read back, also beyond --deadline
         try:
-            after = self._read_back(change, before, answer)
+            with self._guide.count_interrupts() as presses:
+                presses.most = 0 if self._interrupted else 1
+                after = self._read_back(change, before, answer)
+            self._interrupted = self._interrupted or presses.count > 0
         except HandctlError as exc:
             self._result(change, answer, None, f"read-back failed: {exc.text}")
             exc.add_aftermath(_unread(change))
             raise
         except KeyboardInterrupt as exc:
-            self._result(change, answer, None, "not read back: interrupted twice")
+            again = self._interrupted or presses.count > 0
+            self._result(change, answer, None, f"not read back: interrupted{' twice' if again else ''}")
             raise Interrupted(
-                f"interrupted again: {change.text} was sent and not read back",
+                f"interrupted{' again' if again else ''}: {change.text} was sent and not read back",
                 hint=Hint("check with {}", "ekso settings"),
             ) from exc
         finally:
             self.port.bound = bound
-        failure = judge(self.port.where, change, before, after, answer, lost)
+        contradicted = self.port.statuses if self.port.contradiction is not None else ""
+        failure = judge(self.port.where, change, before, after, answer, lost, contradicted)
         step = Step(change.text, self.port.request(Command.SET_VALUE, change.body))
-        if change.shown_by(answer, after):
+        if change.shown_by(answer, after) and not contradicted:
             self.port.journal.ledger.confirm("read back", step)
         else:
             self.port.journal.ledger.doubt(

@@ -20,13 +20,29 @@ REFUSALS = {
 
 
 def judge(
-    where: str, change: Change, before: Raws, after: Raws, answer: Frame | None, lost: HandctlError | None
+    where: str,
+    change: Change,
+    before: Raws,
+    after: Raws,
+    answer: Frame | None,
+    lost: HandctlError | None,
+    contradicted: str = "",
 ) -> HandctlError | None:
-    """What the status and the read-back say together; None when the setting is as wanted and nothing else changed."""
+    """What the status and the read-back say together; None when the setting is as wanted and nothing else changed.
+
+    `contradicted`: both statuses, where the device answered twice and once refused. That is never a success.
+    """
     word = change.param.word
     wanted = (*before[:word], change.new, *before[word + 1 :])
     status = answer.status if answer is not None else None
     accepted = status is not None and status & 0xFF == 0
+    if contradicted and after in (wanted, before):
+        reads = "the old" if after == before else "the new"
+        return write_checks.refusal(
+            write_checks.READ_BACK,
+            f"{where}: {change.text}: the device answered twice: {contradicted}. It reads back {reads} value",
+            "check with `handctl ekso settings` before anything else. Report it",
+        )
     if status is not None and not accepted and after == wanted != before:
         return write_checks.refusal(
             write_checks.READ_BACK,
