@@ -8,6 +8,24 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-hand-write-of-a-wrist-skips-what-the-hand-refuses",
+        "bypassed gate",
+        "handctl.devices.inspire.wrist.raw",
+        "_planned",
+        "return hand_raw.plan_write(hand, address, data, undocumented)",
+        "return by_number.plan_write(hand, address, data, undocumented)",
+        "tests/inspire/test_wrist_raw.py::test_hand_write_refuses_what_the_commands_of_the_hand_refuse",
+    ),
+    mistake(
+        "inspire-hand-write-of-a-wrist-asks-without-the-movement",
+        "bypassed gate",
+        "handctl.devices.inspire.hand.cli",
+        "write_bytes",
+        "if any(step.moves for step in steps):",
+        "if False:",
+        "tests/inspire/test_wrist_raw.py::test_hand_write_moves_no_hand_that_reports_a_fault",
+    ),
+    mistake(
         "inspire-a-hit-is-looked-at-at-the-speed-of-the-port",
         "swallowed error",
         "handctl.devices.inspire.scan",

@@ -127,9 +127,14 @@ def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes
 
 def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     """Write once, read back; a read-back that differs is the table's failure. Raises Interrupted, after a stop."""
-    moving = any(register.moves and _overlap(register, address, len(data)) for register in hand.map)
-    with hand.stopped_by_ctrl_c(f"{hex_bytes(data)} at {address}", moving):
+    with stopped_by_ctrl_c(hand, address, data):
         return _write(hand, address, data)
+
+
+def stopped_by_ctrl_c(hand: RegisterDevice, address: int, data: bytes) -> AbstractContextManager[None]:
+    """Around a write by number: Ctrl-C stops what it may have set going. Raises Interrupted."""
+    moving = any(register.moves and _overlap(register, address, len(data)) for register in hand.map)
+    return hand.stopped_by_ctrl_c(f"{hex_bytes(data)} at {address}", moving)
 
 
 def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:

@@ -20,6 +20,7 @@ from handctl.devices.inspire.hand.register_map import (
     IP_ADDRESS,
     MAPS,
     NO_MOVE_STATUS,
+    OF_BYTES,
     OVER_TEMPERATURE,
     TOO_HOT_TO_MOVE,
     HandRegister,
@@ -201,8 +202,7 @@ class Hand(RegisterDevice):
     @property
     def has(self) -> list[HandRegister]:
         """The registers that this generation has."""
-        model = self._known
-        return [one for one in self.map if model in one.models or (model is None and one.models == (DF, TP))]
+        return list(OF_BYTES) if self._known is None else [one for one in self.map if self._known in one.models]
 
     def further(self, identity: dict[str, object]) -> Collection[str]:
         """Settings that not every generation has."""
