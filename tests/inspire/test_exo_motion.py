@@ -137,6 +137,86 @@ def test_blocked_motion_ends_short_of_its_target() -> None:
     assert link.now() < 2.0
 
 
+def scripted_motion(place: Callable[[float], int], current: int = 25, error: int = 0) -> ScriptedLink:
+    """A hand whose fingers are at `place`, by the seconds since its position command; its actuators always draw `current` mA."""
+    since: list[float] = []
+
+    def answer(request: bytes) -> list[Reply]:
+        if request[4] == HOLD_FLAG:
+            since.append(link.now())
+            return [(0.0, unhex("90 EB 01 0B 32 00 00 00 00 00 00 00 00 00 00 3E"))]
+        memory = bytearray(2000)
+        here = place(link.now() - since[0] if since else 0.0)
+        memory[1546:1558] = here.to_bytes(2, "little") * 6
+        memory[1594:1604] = current.to_bytes(2, "little") * 5
+        memory[1606:1611] = bytes([error] * 5)
+        start = int.from_bytes(request[5:7], "little")
+        return [(0.0, reply_to(request, bytes(memory[start : start + request[7]])))]
+
+    link = ScriptedLink(answer)
+    return link
+
+
+def late(seconds: float) -> int:
+    """It begins after a second, and then takes 0.8 s."""
+    return 110 + round(min(max(seconds - 1.0, 0.0), 0.8) / 0.8 * 790)
+
+
+def pausing(seconds: float) -> int:
+    """Half of the way, a pause of 1.5 s, the other half."""
+    return 110 + round((min(seconds, 0.4) + min(max(seconds - 1.9, 0.0), 0.4)) / 0.8 * 790)
+
+
+def stalls(seconds: float) -> int:
+    return 110 + round(min(seconds, 0.4) / 0.8 * 790)
+
+
+def creeps(seconds: float) -> int:
+    return 110 + round(seconds * 60)
+
+
+NINE = dict.fromkeys(range(5), 900)
+
+
+@each_row(
+    ("place", "current", "error", "wait", "arrival"),
+    [
+        (late, 25, 0, 8.0, "reached"),
+        (pausing, 25, 0, 8.0, "reached"),
+        (late, 25, 0, 0.0001, "moving"),
+        (late, 25, 0, 1.0, "moving"),  # it has stood still, but may begin yet
+        (pausing, 25, 0, 1.5, "moving"),
+        (lambda _: 110, 25, 0, 8.0, "short"),
+        (lambda _: 110, 200, 0, 8.0, "short"),  # what it draws at rest is no contact
+        (stalls, 900, 0, 8.0, "contact"),
+        (stalls, 25, 0, 8.0, "short"),
+        (lambda _: 110, 900, 1, 8.0, "blocked"),
+        (creeps, 25, 2, 2.0, "moving"),  # an error alone is no standstill
+    ],
+)  # fmt: skip
+def test_how_motion_ends(place: Callable[[float], int], current: int, error: int, wait: float, arrival: str) -> None:
+    link = scripted_motion(place, current, error)
+    table = procedures.move(hand_on(link), NINE, Prompts(), wait=wait)
+    assert [row["arrival"] for row in table.rows] == [arrival] * 5 + [None]
+    assert (table.failure is None) == (arrival == "reached")
+
+
+@each_row(
+    ("error", "steps", "command"),
+    [
+        (1, ("free the finger",), "exo clear-errors"),
+        (2, ("cool",), ""),
+        (3, ("cool", "free the finger"), "exo clear-errors"),
+    ],
+)
+def test_the_next_step_fits_the_error_that_stopped_it(error: int, steps: tuple[str, ...], command: str) -> None:
+    failure = procedures.move(hand_on(scripted_motion(stalls, 25, error)), NINE, Prompts(), wait=8.0).failure
+    assert failure is not None and failure.code == "blocked"
+    for step in steps:
+        assert step in failure.hint.casefold()
+    assert ("clear-errors" in failure.hint) == bool(command)
+
+
 def test_motion_that_takes_longer_than_the_wait() -> None:
     hand, link = fake_hand()
     table = procedures.move(hand, OPEN, Prompts(), wait=0.2, expect="any")

@@ -10,6 +10,7 @@ import handctl
 from handctl.errors import NotConfirmed
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
+from tests.support.odd_devices import odd_registers
 
 ALL = ("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation")
 
@@ -70,6 +71,15 @@ def test_a_slow_finger_is_not_taken_for_one_that_stands() -> None:
         slow.speed(1, 1, 1, 1, 1, 1, confirm=True)
         (place, _) = slow.angle("index=470", wait=60.0, confirm=True)
         assert (place["value"], place["arrival"]) == (470, "reached")
+
+
+def test_a_status_of_the_movement_before_is_no_contact() -> None:
+    """A hand that ignores a command still reports what ended the one before it."""
+    still = {1546: (440).to_bytes(2, "little") * 6, 1612: bytes([3] * 6)}
+    with odd_registers(holds=still):
+        ended = hand("angle", "index=0", "--wait", "3", "--expect", "contact")
+    assert (ended.code, ended.error["code"]) == (7, "not-reached")
+    assert {row["arrival"] for row in ended.rows} == {"short"}
 
 
 def test_expectations_need_a_wait() -> None:

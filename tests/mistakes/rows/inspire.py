@@ -8,6 +8,25 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-a-current-at-rest-is-contact",
+        "evidence believed",
+        "handctl.devices.inspire.register_device",
+        "RegisterDevice.moved",
+        'deeper |= {name: one._replace(contact="") for name, one in deeper.items() if name not in seen.moved}',
+        "pass",
+        "tests/inspire/test_wrist_motion.py::test_a_wrist_that_does_not_move_touches_nothing",
+        "tests/inspire/test_exo_motion.py::test_how_motion_ends",
+    ),
+    mistake(
+        "inspire-an-old-status-is-contact",
+        "evidence believed",
+        "handctl.devices.inspire.hand.motion",
+        "_seen",
+        'contact = status.element.param.label(code) or "" if code == FORCE_REACHED and fresh else ""',
+        'contact = status.element.param.label(code) or "" if code == FORCE_REACHED else ""',
+        "tests/inspire/test_rh56_arrival.py::test_a_status_of_the_movement_before_is_no_contact",
+    ),
+    mistake(
         "inspire-hand-write-of-a-wrist-skips-what-the-hand-refuses",
         "bypassed gate",
         "handctl.devices.inspire.wrist.raw",

@@ -15,7 +15,7 @@ from typing import Any
 from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.register_bus import POWER_OFF, may_still_move
-from handctl.devices.inspire.register_device import Movement, RegisterDevice
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice
 from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, EXO, FINGERS, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
@@ -288,7 +288,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         if param.bits and value:
             text = f"{reading.element.part}: {param.label(value)} (0x{int(value):02X})"
             if "over_temperature" in (param.label(value) or ""):
-                text += f", goes away as it cools, now {by_name.get(f'temperature.{reading.element.part}')} °C"
+                text += f". over_temperature goes away as it cools, now {by_name.get(f'temperature.{reading.element.part}')} °C"
             found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
         elif not _plausible(reading):
             text = f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible range'} ({param.source})"
@@ -337,7 +337,7 @@ def status_view(rows: list[Row]) -> list[Grid]:
 
 CALIBRATION_SECONDS = 30.0
 """How long to listen for the end frame; the documented waits add up to 9 s, movements come on top (exo §2.3.6)."""
-STILL = Stillness(samples=3, seconds=0.5, refresh=0.05)
+STILL = Stillness(samples=3, seconds=0.5, refresh=0.05, short=BEGINS)
 
 CALIBRATION_STEPS = (
     (1, "relax all fingers: no force on the hand"),

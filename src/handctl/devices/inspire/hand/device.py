@@ -373,7 +373,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         if param.name == "error" and value:
             text = f"{part}: {param.label(value)} (0x{int(value):02X})"
             if int(value) & OVER_TEMPERATURE:
-                text += f", ends by cooling, now {at.get(f'temperature.{part}')} °C"
+                text += f". over_temperature goes away as it cools, now {at.get(f'temperature.{part}')} °C"
             if at.get(f"status.{part}") in NO_MOVE_STATUS:
                 text += f", status {at[f'status.{part}']}"
             found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
