@@ -59,10 +59,10 @@ WAITING = (
     ),
     Waiting(
         "grips something up to its force limit", ("force_limit",),
-        ("force 900 900 900 900 900 900", "force index=900", "set force_limit.index=900"), GRIPS, _angles, {"object": "100"}, goes=False,
+        ("force 900 900 900 900 900 900", "force index=900", "set force_limit.index=900", "speed index=300"), GRIPS, _angles, {"object": "100"}, goes=False,
     ),
     Waiting(
-        "has an error on its way", ("clear_errors",), ("clear-errors",), _told(_write(1486, OPEN), 1.0), _angles,
+        "has an error on its way", ("clear_errors",), ("clear-errors", "speed index=300", "set speed_set.index=300"), _told(_write(1486, OPEN), 1.0), _angles,
         {"fault": "faults"}, 1000.0, goes=False,
     ),
 )  # fmt: skip

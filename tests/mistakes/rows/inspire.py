@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "rh56-a-speed-above-0-lets-nothing-go",
+        "question skipped",
+        "handctl.devices.inspire.hand.device",
+        "",
+        'Release("speed_set", "speed_set", lambda _, new: new > 0),',
+        'Release("speed_set", "speed_set", lambda now, new: now == 0 and new > 0),',
+        "tests/inspire/test_rh56_arrival.py::test_a_finger_that_has_a_speed_may_still_be_off_its_target",
+    ),
+    mistake(
         "inspire-a-current-at-rest-is-contact",
         "evidence believed",
         "handctl.devices.inspire.register_device",

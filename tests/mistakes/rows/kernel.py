@@ -462,6 +462,15 @@ ROWS = (
         "tests/inspire/test_exo_cli.py::test_single_fingers_are_written_to_their_registers_alone",
     ),
     mistake(
+        "commanded-force-let-go-unasked",
+        "question skipped",
+        "handctl.model.device",
+        "pending_moves",
+        "if force:",
+        "if not force:",
+        "tests/inspire/test_rh56_arrival.py::test_clearing_an_error_asks_where_a_force_is_commanded",
+    ),
+    mistake(
         "waiting-target-let-go-unasked",
         "question skipped",
         "handctl.command.get_set_watch",

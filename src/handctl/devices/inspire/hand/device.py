@@ -47,12 +47,13 @@ SETPOINT_PAIRS = (
 )
 """Counts within which a finger has arrived: it may stop short without a fault (rh56 §6). 0 is open as a stroke, closed as an angle."""
 RELEASES = (
-    Release("speed_set", "speed_set", lambda now, new: now == 0 and new > 0),
+    Release("speed_set", "speed_set", lambda _, new: new > 0),
     Release("force_limit", "force_limit", lambda now, new: new > now, closing=True),
     Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),
 )
-"""A target that was written while the speed was 0 waits for the next speed; a closing finger that met the limit for a
-higher one, one with an error for the clearing (rh56, "Movement is a matter of state")."""
+"""A target that a finger has not reached waits for the next speed: it may have been written while the speed was 0, or be still on
+its way; a closing finger that met the limit waits for a higher one, one with an error for the clearing (rh56, "Movement is a
+matter of state")."""
 
 
 class Hand(RegisterDevice):
