@@ -12,7 +12,9 @@ from handctl.devices.inspire.register_map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
 from handctl.model.stop_on_interrupt import NOT_STOPPED
+from tests.support.cli import run
 from tests.support.each_row import each_row
+from tests.support.odd_devices import odd_registers
 from tests.support.scripted import (
     NotedGuide,
     RecordedLink,
@@ -199,6 +201,26 @@ def test_how_motion_ends(place: Callable[[float], int], current: int, error: int
     table = procedures.move(hand_on(link), NINE, Prompts(), wait=wait)
     assert [row["arrival"] for row in table.rows] == [arrival] * 5 + [None]
     assert (table.failure is None) == (arrival == "reached")
+
+
+@each_row(
+    ("words", "moving"),
+    [
+        (("position", "ring=900", "--wait", "4"), True),
+        (("position", "ring=900"), True),
+        (("set", "position_set.ring=900"), True),
+        (("write", "1488", "8403"), True),
+        (("force", "ring=100"), True),
+        (("write", "1001", "01"), False),
+        (("set", "baud_code=1"), False),
+    ],
+)
+def test_a_movement_that_reads_back_as_another_may_be_going_on(words: tuple[str, ...], moving: bool) -> None:
+    """A device with limits of its own, or a second master: the finger is on its way somewhere (exo §2.3.7)."""
+    with odd_registers(holds={1488: b"\x20\x03", 1500: b"\x07\x00", 1001: b"\x02"}):
+        result = run("exo", *words, "-p", "fake://exo?clock=virtual", "-y", "--json")
+    assert (result.code, result.error["code"]) == (7, "read-back")
+    assert ("may be moving" in result.error["text"], "handctl exo stop" in result.error["hint"]) == (moving, moving)
 
 
 @each_row(

@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-a-movement-that-reads-back-as-another-stands",
+        "success without evidence",
+        "handctl.devices.inspire.register_device",
+        "RegisterDevice.tell_moving",
+        'if self._moving and error.code != "deadline" and not error.left.moving:',
+        "if False:",
+        "tests/inspire/test_exo_motion.py::test_a_movement_that_reads_back_as_another_may_be_going_on",
+    ),
+    mistake(
         "rh56-a-speed-above-0-lets-nothing-go",
         "question skipped",
         "handctl.devices.inspire.hand.device",

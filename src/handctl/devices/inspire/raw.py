@@ -9,7 +9,6 @@ from itertools import groupby
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.explain_bytes import InspireExplainer, stretches
-from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.register_map import ALONE, EXO, Register
 from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak
@@ -142,23 +141,24 @@ def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     hand.bus.try_write(address, data, "the write", "handctl reads it back")
     now = hand.bus.read_back(lambda: hand.bus.read(address, len(data)), data.__eq__)
     table = Table(rows=_rows(hand, address, now), columns=hand.columns)
-    judge_read_back(hand.bus, table, step, str(address), data, now, f"{hand.kind} read {address} {len(data)}")
+    judge_read_back(hand, table, step, str(address), data, now, f"{hand.kind} read {address} {len(data)}")
     return table
 
 
 def judge_read_back(
-    bus: RegisterBus, table: Table, step: Step, where: str, data: bytes, now: bytes, again: str
+    hand: RegisterDevice, table: Table, step: Step, where: str, data: bytes, now: bytes, again: str
 ) -> None:
     """Enter what a write reads as `now`; where that differs it is the table's failure."""
     if now == data:
-        bus.journal.ledger.confirm("read back", step)
+        hand.journal.ledger.confirm("read back", step)
         return
-    bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
+    hand.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
     table.failure = CheckFailed(
-        f"{bus.where}: {where} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+        f"{hand.bus.where}: {where} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
         hint=Hint("read it again before you write: {}", f"{again}"),
         code="read-back",
     )
+    hand.tell_moving(table.failure)
 
 
 def changes_of(params: ParamMap[Register], address: int, data: bytes) -> list[tuple[Element, Number]]:

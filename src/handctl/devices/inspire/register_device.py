@@ -404,10 +404,20 @@ class RegisterDevice(Device):
         try:
             with on_early_end(left, since=self.journal.counters, interrupt=False):
                 yield
+        except (CheckFailed, NoAnswer, ProtocolError) as exc:
+            if self.journal.counters.writes > before:
+                self.tell_moving(exc)
+            raise
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
             raise interrupt_error(self.stop() if self._moving else Stopped(unsure, look)) from exc
+
+    def tell_moving(self, error: HandctlError) -> None:
+        """Add to the error of a write that may have set something going, and whose read-back failed, how to stop that."""
+        if self._moving and error.code != "deadline" and not error.left.moving:
+            text = "the device may be moving, perhaps to another target"
+            error.add_aftermath(Aftermath(text, Hint("stop it with {}", f"{self.kind} stop"), joint=". ", moving=True))
 
     def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         written: list[str] = []

@@ -287,5 +287,5 @@ def _hand_write(hand: Hand, address: int, data: bytes) -> Table:
     now = bus.read_back(lambda: bus.read(address, len(data)), data.__eq__)
     table = _hand_row(hand, address, now)
     again = f"wrist hand-read {address} {len(data)}"
-    judge_read_back(bus, table, bus.write_step(address, data, ""), f"{address} of the hand", data, now, again)
+    judge_read_back(hand, table, bus.write_step(address, data, ""), f"{address} of the hand", data, now, again)
     return table
