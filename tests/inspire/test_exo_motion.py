@@ -89,6 +89,41 @@ def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
     assert table.rows[0]["value"] == "completed"
 
 
+@each_row(
+    ("end", "errors", "value", "code"),
+    [
+        (0x00, (0, 0, 0, 0, 0), "completed", None),
+        (0xFF, (0, 0, 0, 0, 0), "ended", "not-calibrated"),  # a failed save reports FF
+        (0x01, (0, 0, 0, 0, 0), "ended", "not-calibrated"),
+        (0x00, (2, 2, 2, 2, 2), "ended", "not-calibrated"),
+        (0x00, (0, 0, 1, 0, 0), "ended", "not-calibrated"),
+        (None, (0, 0, 0, 0, 0), "not reported", None),
+        (None, (0, 0, 0, 0, 16), "not reported", "not-calibrated"),
+    ],
+)
+def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
+    end: int | None, errors: tuple[int, ...], value: str, code: str | None
+) -> None:
+    reported = [] if end is None else [(3.0, f"90 EB 01 04 11 02 00 {end:02X} {(0x18 + end) % 256:02X}")]
+    link = calibrating((0.0, CALIBRATE_ACK), *reported)
+    plain: Callable[[bytes], list[Reply]] = link.answer  # type: ignore[assignment]
+
+    def answer(request: bytes) -> list[Reply]:
+        start, count = int.from_bytes(request[5:7], "little"), request[7]
+        if request[4] != 0x11 or not start <= 1606 < start + count:
+            return plain(request)
+        memory = bytearray(count)
+        memory[1606 - start : 1611 - start] = bytes(errors)
+        return [(0.0, reply_to(request, bytes(memory)))]
+
+    link.answer = answer
+    table = procedures.calibrate(hand_on(link), Prompts())
+    assert table.rows[0]["value"] == value
+    assert (table.failure.code if table.failure else None) == code
+    assert table.failure is None or table.failure.exit_code == 7
+    assert [row["value"] for row in table.rows if row["name"] == "error"] == [one for one in errors if one]
+
+
 def test_ack_and_end_of_calibration_in_one_piece() -> None:
     link = calibrating((0.1, f"{CALIBRATE_ACK} {CALIBRATED}"))
     assert procedures.calibrate(hand_on(link), Prompts()).rows[0]["value"] == "completed"

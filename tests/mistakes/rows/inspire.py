@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-any-report-is-a-calibration",
+        "success without evidence",
+        "handctl.devices.inspire.id_baud_save_reset",
+        "calibration_result",
+        "if against:",
+        "if False:",
+        "tests/inspire/test_exo_motion.py::test_calibration_is_judged_by_its_report_and_by_the_errors_after_it",
+    ),
+    mistake(
         "inspire-a-movement-that-reads-back-as-another-stands",
         "success without evidence",
         "handctl.devices.inspire.register_device",

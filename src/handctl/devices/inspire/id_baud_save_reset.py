@@ -9,6 +9,7 @@ hardware is said.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
@@ -16,11 +17,11 @@ from handctl.devices.inspire.duplicate_id import identify_alone, naming_duplicat
 from handctl.devices.inspire.register_bus import FLOOD, POWER_OFF, RegisterBus
 from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.serial_bus import SerialBus
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError, joined
 from handctl.link import ByteLink
 from handctl.model.param import Element, Reading, elements_of
 from handctl.model.prompts import Prompts
-from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.result import Column, Finding, Row, Table, hex_bytes
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.register_device import RegisterDevice
@@ -292,6 +293,38 @@ def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, mor
     finally:
         prompts.done()
     return None
+
+
+def calibration_result(
+    hand: RegisterDevice, register: Register, frame: eb90.Frame | None, after: Sequence[Reading]
+) -> Table:
+    """The result of a calibration, from the frame that reported its end and from what was read `after` it.
+
+    ``completed`` only where the end was reported with 00 and no actuator reports an error. The meaning of another byte is open:
+    FF is a save that failed (RH56 ch. 3 ex. 4, 5).
+    """
+    said = frame.data if frame is not None else None
+    faults = [
+        Finding(f"{one.element.part}: {label}", tuple(label.split(", ")))
+        for one in after
+        if one.element.param.name == "error" and one.value and (label := one.element.param.label(one.value))
+    ]
+    against = [] if said in (None, b"\0") else [f"its end was reported with {hex_bytes(said or b'')} instead of 00"]
+    if any(one.error is not None for one in after if one.element.param.name == "error"):
+        against.append("the error bits could not be read after it")
+    against += [f"errors are reported after it: {'; '.join(one.text for one in faults)}"] if faults else []
+    table = outcome(hand, register, "not reported" if said is None else "ended" if against else "completed", said)
+    table.rows += [hand.row(one) for one in after if one.element.param.name != "error" or one.value != 0]
+    table.columns = hand.columns
+    if against:
+        from handctl.model.device_picture import hint_of
+
+        table.failure = CheckFailed(
+            f"{hand.bus.where}: nothing shows that the calibration succeeded: {', and '.join(against)}",
+            hint=joined(Hint("check with {}, then calibrate again", f"{hand.kind} status"), hint_of(hand.kind, faults)),
+            code="not-calibrated",
+        )
+    return table
 
 
 # -- what is kept -----------------------------------------------------------------------------------------------------

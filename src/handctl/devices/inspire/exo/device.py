@@ -362,7 +362,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
     result says so. Raises Interrupted on Ctrl-C: no command stops a calibration.
     """
-    from handctl.devices.inspire.id_baud_save_reset import outcome, wait_for_calibration
+    from handctl.devices.inspire.id_baud_save_reset import calibration_result, wait_for_calibration
 
     bus = hand.bus
     begun = hand.journal.ledger.mark
@@ -379,7 +379,8 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     seconds = bus.link.now() - started
     if frame is not None:
         prompts.say(f"The hand reported the end after {seconds:.1f} s.")
-        hand.journal.ledger.confirm("its end was reported", since=begun)
+        if frame.data == b"\0":
+            hand.journal.ledger.confirm("its end was reported", since=begun)
     else:
         bus.out_of_time("the end of the calibration. The calibration is still running")
         if lost is not None:
@@ -395,12 +396,10 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
             hint=Hint("check the positions with {}", "exo status"),
         )
     hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
-    table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])
-    ended = outcome(
-        hand, EXO["calibrate"], "completed" if frame is not None else "not reported", frame.data if frame else None
-    )
-    ended.rows[0]["seconds"] = round(seconds, 1)
-    return Table(rows=[*ended.rows, *(hand.row(reading) for reading in table)], columns=hand.columns)
+    after = hand.read([e for name in ("position_actual", "force_actual", "error") for e in elements_of(EXO[name])])
+    table = calibration_result(hand, EXO["calibrate"], frame, after)
+    table.rows[0]["seconds"] = round(seconds, 1)
+    return table
 
 
 def command(hand: ExoHand, which: str, values: Mapping[int, int], prompts: Prompts) -> Table:
