@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-a-frame-among-other-bytes-is-not-named",
+        "bypassed gate",
+        "handctl.devices.inspire.raw",
+        "several",
+        "said = [plan(piece.raw).meaning for piece in whole]",
+        "said = list[str]()",
+        "tests/inspire/test_exo_raw.py::test_a_frame_among_other_bytes_is_planned_as_it_is_alone",
+    ),
+    mistake(
         "inspire-any-report-is-a-calibration",
         "success without evidence",
         "handctl.devices.inspire.id_baud_save_reset",

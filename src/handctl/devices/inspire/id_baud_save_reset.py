@@ -321,7 +321,9 @@ def calibration_result(
 
         table.failure = CheckFailed(
             f"{hand.bus.where}: nothing shows that the calibration succeeded: {', and '.join(against)}",
-            hint=joined(Hint("check with {}, then calibrate again", f"{hand.kind} status"), hint_of(hand.kind, faults)),
+            hint=joined(
+                Hint("check with {}", f"{hand.kind} status"), hint_of(hand.kind, faults), "then calibrate again"
+            ),
             code="not-calibrated",
         )
     return table

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from itertools import groupby
@@ -183,15 +183,27 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
         return Step("no valid frame in it, so the hand should not reply", data)
     piece, *more = pieces
     if more or not (piece.frame or (piece.problem == "bad-checksum" and not goes_on)):
-        return Step(
-            "this is not a complete frame, so its effect on the hand is unknown", data, moves=True, strands=True
-        )
+        return several(data, pieces, lambda frame: plan_raw(frame, force_ambiguous))
     frame = eb90.Frame(data[:2], data[2], data[4], data[5:-1])
     if frame.flag == eb90.READ and len(frame.payload) == 3:
         return Step(piece.meaning, data)
     if not force_ambiguous:
         _check_frame(frame)
     return Step(piece.meaning, data, moves=True, strands=frame.flag == eb90.WRITE)
+
+
+UNKNOWN = "this is not a complete frame, so its effect is unknown"
+
+
+def several(data: bytes, pieces: Sequence[ExplainedBytes], plan: Callable[[bytes], Step]) -> Step:
+    """What bytes do that are not one frame: each frame among them is planned, and named, by itself. Raises what `plan` raises."""
+    whole = [
+        piece for piece in pieces if len(piece.raw) < len(data) and (piece.frame or piece.problem == "bad-checksum")
+    ]
+    said = [plan(piece.raw).meaning for piece in whole]
+    if len(whole) < len(pieces):
+        said.append("the rest is not a complete frame, so its effect is unknown" if said else UNKNOWN)
+    return Step("; ".join(said), data, moves=True, strands=True)
 
 
 def _check_frame(frame: eb90.Frame) -> None:

@@ -69,11 +69,15 @@ def plan(hand: Hand, data: bytes, force: bool) -> Step:
     if mode and (mode == TCP) != tcp:
         other = "Modbus TCP" if mode == TCP else "a serial line"
         raise UsageError(f"this is a frame for {other}, but this LINK is not", hint="choose another LINK with -p")
-    words = "; ".join(piece.meaning for piece in InspireExplainer(hand.map).decode(data, HOST))
+    pieces = InspireExplainer(hand.map).decode(data, HOST)
+    words = "; ".join(piece.meaning for piece in pieces)
     if only_reads(pdu_of(data, mode)) if mode else eb90.only_reads(data):
         return Step(words, data)
     if not force:
-        _refuse(hand, repaired(data))
+        frames = [repaired(raw) for raw in (data, *(piece.raw for piece in pieces[1:]))]
+        for frame in frames:
+            if len(frames) == 1 or not eb90.only_reads(frame):
+                _refuse(hand, frame)
     return Step(words, data, moves=True, strands=True)
 
 

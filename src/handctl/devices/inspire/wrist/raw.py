@@ -89,9 +89,12 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
     explained = misprint(data)
     if explained is not None and only_explain:
         return Step(explained, data, moves=True)
-    piece, *more = InspireExplainer(WRIST).decode(data, HOST)
+    pieces = InspireExplainer(WRIST).decode(data, HOST)
+    piece, *more = pieces
     unknown = "this is not a complete read or write, so its effect on the device is unknown"
-    if more or not piece.frame or not data.startswith(eb90.HOST):
+    if more and explained is None:
+        return by_number.several(data, pieces, lambda frame: plan_raw(frame, force))
+    if not piece.frame or not data.startswith(eb90.HOST):
         return Step(explained or unknown, data, moves=True, strands=True)
     frame, said = eb90.Frame(data[:2], data[2], data[4], data[5:-1]), explained or piece.meaning
     flag, address, values = frame.flag, frame.address, frame.data
