@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-a-second-reply-on-can-is-passed-over",
+        "evidence believed",
+        "handctl.devices.inspire.can_bus",
+        "CanBus.drain",
+        "if replied is not None and frame.can_id == replied.can_id:",
+        "if False:",
+        "tests/inspire/test_can_bus_faults.py::test_a_second_reply_with_other_data_is_told",
+    ),
+    mistake(
         "inspire-a-frame-among-other-bytes-is-not-named",
         "bypassed gate",
         "handctl.devices.inspire.raw",
