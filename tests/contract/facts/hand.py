@@ -70,7 +70,7 @@ FACTS = Facts(
     places=_angles,
     waiting=WAITING,
     writes={
-        "set": "speed_set.index=300 force_limit.little=200",
+        "set": "speed_set.index=0 force_limit.little=200",
         "restore": "{hand}",
         "write": "1528 2C01",
         "raw": "EB 90 01 05 12 D4 05 2C 01 1E",
@@ -83,7 +83,7 @@ FACTS = Facts(
         "factory-reset": "--backup {dir}/b.json",
         "calibrate": "",
         "force": "200 -1 -1 300 -1 -1",
-        "speed": "100 -1 -1 300 -1 -1",
+        "speed": "0 -1 -1 0 -1 -1",
         "angle": "500 600 700 800 900 400 --wait 5",
         "position": "-1 -1 -1 500 -1 -1 --wait 5",
         "stop": "",
