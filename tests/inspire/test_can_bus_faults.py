@@ -59,6 +59,24 @@ def test_busy_bus() -> None:
     assert wrist.journal.counters.retries == 0
 
 
+@each_row(
+    ("second", "count", "told"),
+    [("4C 04", 2, True), ("A7 FE", 2, False), ("4C", 2, False), ("02", 2, False)],
+)
+def test_a_second_reply_with_other_data_is_told(second: str, count: int, told: bool) -> None:
+    """Two devices with one id, one behind the other: the first reply was shown, and nobody looked at the second."""
+
+    def answer(request: CanFrame) -> list[tuple[float, CanFrame]]:
+        return [(0.0, CanFrame(request.can_id, unhex("A7 FE"))), (0.001, CanFrame(request.can_id, unhex(second)))]
+
+    journal = Journal()
+    bus = CanBus(link := ScriptedFrames(answer), 1, journal)
+    for _ in range(3):
+        assert hexed(bus.read(1020, count)) == "A7 FE"
+        link.sleep(0.01)
+    assert [message.code for message in journal.messages] == ["two-replies"] * told
+
+
 READ, WRITE = 0x00000001 | 1000 << 14, 0x04000001 | 1005 << 14
 """Of a hand with id 1 (rh56 §2.4)."""
 

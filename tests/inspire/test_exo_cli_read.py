@@ -98,7 +98,7 @@ def test_clear_errors_clears_what_can_be_cleared(tmp_path: Path) -> None:
     warnings = [m["text"] for m in result.json["messages"] if m["code"] == "over-temperature"]
     assert len(warnings) == 2
     assert "ring" in warnings[0] and "78 °C" in warnings[0]
-    left = run("exo", "clear-errors", "-p", fake(fault="unknown-bits"), "--json")
+    left = run("exo", "clear-errors", "-p", fake(fault="unknown-bits"), "--json", "-y")
     assert (left.code, left.error["code"]) == (7, "errors-remain")
     assert "index" in left.error["text"]
 

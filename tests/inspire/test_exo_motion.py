@@ -13,7 +13,9 @@ from handctl.devices.inspire.exo.register_map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
 from handctl.model.stop_on_interrupt import NOT_STOPPED
+from tests.support.cli import run
 from tests.support.each_row import each_row
+from tests.support.odd_devices import odd_registers
 from tests.support.scripted import (
     NotedGuide,
     RecordedLink,
@@ -88,6 +90,41 @@ def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
     assert table.rows[0]["value"] == "completed"
 
 
+@each_row(
+    ("end", "errors", "value", "code"),
+    [
+        (0x00, (0, 0, 0, 0, 0), "completed", None),
+        (0xFF, (0, 0, 0, 0, 0), "ended", "not-calibrated"),  # a failed save reports FF
+        (0x01, (0, 0, 0, 0, 0), "ended", "not-calibrated"),
+        (0x00, (2, 2, 2, 2, 2), "ended", "not-calibrated"),
+        (0x00, (0, 0, 1, 0, 0), "ended", "not-calibrated"),
+        (None, (0, 0, 0, 0, 0), "not reported", None),
+        (None, (0, 0, 0, 0, 16), "not reported", "not-calibrated"),
+    ],
+)
+def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
+    end: int | None, errors: tuple[int, ...], value: str, code: str | None
+) -> None:
+    reported = [] if end is None else [(3.0, f"90 EB 01 04 11 02 00 {end:02X} {(0x18 + end) % 256:02X}")]
+    link = calibrating((0.0, CALIBRATE_ACK), *reported)
+    plain: Callable[[bytes], list[Reply]] = link.answer  # type: ignore[assignment]
+
+    def answer(request: bytes) -> list[Reply]:
+        start, count = int.from_bytes(request[5:7], "little"), request[7]
+        if request[4] != 0x11 or not start <= 1606 < start + count:
+            return plain(request)
+        memory = bytearray(count)
+        memory[1606 - start : 1611 - start] = bytes(errors)
+        return [(0.0, reply_to(request, bytes(memory)))]
+
+    link.answer = answer
+    table = procedures.calibrate(hand_on(link), Prompts())
+    assert table.rows[0]["value"] == value
+    assert (table.failure.code if table.failure else None) == code
+    assert table.failure is None or table.failure.exit_code == 7
+    assert [row["value"] for row in table.rows if row["name"] == "error"] == [one for one in errors if one]
+
+
 def test_ack_and_end_of_calibration_in_one_piece() -> None:
     link = calibrating((0.1, f"{CALIBRATE_ACK} {CALIBRATED}"))
     assert calibration.calibrate(hand_on(link), Prompts()).rows[0]["value"] == "completed"
@@ -136,6 +173,106 @@ def test_blocked_motion_ends_short_of_its_target() -> None:
     assert [row["value"] for row in table.rows][:5] == [110, 220, 330, 440, 550]
     assert isinstance(table.failure, CheckFailed) and table.failure.code == "blocked"
     assert link.now() < 2.0
+
+
+def scripted_motion(place: Callable[[float], int], current: int = 25, error: int = 0) -> ScriptedLink:
+    """A hand whose fingers are at `place`, by the seconds since its position command; its actuators always draw `current` mA."""
+    since: list[float] = []
+
+    def answer(request: bytes) -> list[Reply]:
+        if request[4] == HOLD_FLAG:
+            since.append(link.now())
+            return [(0.0, unhex("90 EB 01 0B 32 00 00 00 00 00 00 00 00 00 00 3E"))]
+        memory = bytearray(2000)
+        here = place(link.now() - since[0] if since else 0.0)
+        memory[1546:1558] = here.to_bytes(2, "little") * 6
+        memory[1594:1604] = current.to_bytes(2, "little") * 5
+        memory[1606:1611] = bytes([error] * 5)
+        start = int.from_bytes(request[5:7], "little")
+        return [(0.0, reply_to(request, bytes(memory[start : start + request[7]])))]
+
+    link = ScriptedLink(answer)
+    return link
+
+
+def late(seconds: float) -> int:
+    """It begins after a second, and then takes 0.8 s."""
+    return 110 + round(min(max(seconds - 1.0, 0.0), 0.8) / 0.8 * 790)
+
+
+def pausing(seconds: float) -> int:
+    """Half of the way, a pause of 1.5 s, the other half."""
+    return 110 + round((min(seconds, 0.4) + min(max(seconds - 1.9, 0.0), 0.4)) / 0.8 * 790)
+
+
+def stalls(seconds: float) -> int:
+    return 110 + round(min(seconds, 0.4) / 0.8 * 790)
+
+
+def creeps(seconds: float) -> int:
+    return 110 + round(seconds * 60)
+
+
+NINE = dict.fromkeys(range(5), 900)
+
+
+@each_row(
+    ("place", "current", "error", "wait", "arrival"),
+    [
+        (late, 25, 0, 8.0, "reached"),
+        (pausing, 25, 0, 8.0, "reached"),
+        (late, 25, 0, 0.0001, "moving"),
+        (late, 25, 0, 1.0, "moving"),  # it has stood still, but may begin yet
+        (pausing, 25, 0, 1.5, "moving"),
+        (lambda _: 110, 25, 0, 8.0, "short"),
+        (lambda _: 110, 200, 0, 8.0, "short"),  # what it draws at rest is no contact
+        (stalls, 900, 0, 8.0, "contact"),
+        (stalls, 25, 0, 8.0, "short"),
+        (lambda _: 110, 900, 1, 8.0, "blocked"),
+        (creeps, 25, 2, 2.0, "moving"),  # an error alone is no standstill
+    ],
+)  # fmt: skip
+def test_how_motion_ends(place: Callable[[float], int], current: int, error: int, wait: float, arrival: str) -> None:
+    link = scripted_motion(place, current, error)
+    table = procedures.move(hand_on(link), NINE, Prompts(), wait=wait)
+    assert [row["arrival"] for row in table.rows] == [arrival] * 5 + [None]
+    assert (table.failure is None) == (arrival == "reached")
+
+
+@each_row(
+    ("words", "moving"),
+    [
+        (("position", "ring=900", "--wait", "4"), True),
+        (("position", "ring=900"), True),
+        (("set", "position_set.ring=900"), True),
+        (("write", "1488", "8403"), True),
+        (("force", "ring=100"), True),
+        (("write", "1001", "01"), False),
+        (("set", "baud_code=1"), False),
+    ],
+)
+def test_a_movement_that_reads_back_as_another_may_be_going_on(words: tuple[str, ...], moving: bool) -> None:
+    """A device with limits of its own, or a second master: the finger is on its way somewhere (exo §2.3.7)."""
+    with odd_registers(holds={1488: b"\x20\x03", 1500: b"\x07\x00", 1001: b"\x02"}):
+        result = run("exo", *words, "-p", "fake://exo?clock=virtual", "-y", "--json")
+    assert (result.code, result.error["code"]) == (7, "read-back")
+    assert ("may be moving" in result.error["text"], "handctl exo stop" in result.error["hint"]) == (moving, moving)
+
+
+@each_row(
+    ("error", "steps", "command"),
+    [
+        (1, ("free the finger",), "exo clear-errors"),
+        (2, ("cool",), ""),
+        (3, ("cool", "free the finger"), "exo clear-errors"),
+    ],
+)
+def test_the_next_step_fits_the_error_that_stopped_it(error: int, steps: tuple[str, ...], command: str) -> None:
+    failure = procedures.move(hand_on(scripted_motion(stalls, 25, error)), NINE, Prompts(), wait=8.0).failure
+    assert failure is not None and failure.code == "blocked"
+    for step in steps:
+        assert step in failure.hint.casefold()
+    assert ("clear-errors" in failure.hint) == bool(command)
 
 
 def test_motion_that_takes_longer_than_the_wait() -> None:

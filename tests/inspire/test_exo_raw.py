@@ -10,6 +10,7 @@ from handctl.cli import main
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.exo import raw
 from handctl.errors import HandctlError, NoAnswer, UsageError
+from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
@@ -425,3 +426,42 @@ def test_interrupted_raw_bytes_are_told_once_they_went_out() -> None:
         raise KeyboardInterrupt
     assert caught.value.exit_code == 130
     assert "calibrate = 1" in caught.value.text
+
+
+READ_VOLTAGE = "EB 90 01 04 11 C0 05 02 DD"
+
+
+@each_row(
+    ("family", "frame", "words"),
+    [
+        ("exo", "EB 90 01 0B 31 F4 01 00 00 00 00 00 00 00 00 32", ("force command", "500 0 0 0 0")),
+        ("exo", "EB 90 01 05 12 D4 05 2C 01 1E", ("position_set.index = 300",)),
+        ("wrist", "EB 90 01 07 31 0E 04 E8 03 18 FC 4A", ("yaw_set = 10.00", "pitch_set = -10.00")),
+        ("hand", "EB 90 01 05 12 D4 05 2C 01 1E", ("angle_set.index = 300",)),
+    ],
+)
+@each_row("around", ["00 {}", "{} 00", READ_VOLTAGE + " {}", "{} EB 90 01"])
+def test_a_frame_among_other_bytes_is_planned_as_it_is_alone(
+    family: str, frame: str, words: tuple[str, ...], around: str
+) -> None:
+    """The device acts on it wherever it is in what arrives: the question names it, and what is refused alone is refused."""
+    (row,) = run(family, "raw", around.format(frame), "-n", "-p", f"fake://{family}?clock=virtual", "--json").rows
+    assert row["moves"]
+    for word in words:
+        assert word in row["meaning"]
+
+
+@each_row(
+    ("family", "frame", "code"),
+    [
+        ("exo", "EB 90 01 05 12 D4 05 E9 03 DE", "out-of-range"),
+        ("wrist", "EB 90 01 0B 31 0C 04 00 00 00 00 00 00 00 00 4D", "ambiguous"),
+        ("wrist", "EB 90 01 04 12 12 09 01 33", "never"),
+        ("hand", "EB 90 01 04 12 12 09 01 33", "never"),
+        ("hand", "EB 90 01 05 12 D4 05 E9 03 DE", "out-of-range"),
+    ],
+)
+@each_row("around", ["00 {}", READ_VOLTAGE + " {}"])
+def test_a_frame_among_other_bytes_is_refused_as_it_is_alone(family: str, frame: str, code: str, around: str) -> None:
+    result = run(family, "raw", around.format(frame), "-y", "-p", f"fake://{family}?clock=virtual", "--json")
+    assert (result.code, result.error["code"], result.json["counters"]["sent"]) == (2, code, 0)

@@ -7,9 +7,11 @@ from pathlib import Path
 import pytest
 
 import handctl
+from handctl.devices.inspire.eb90 import pack_s16
 from handctl.errors import NotConfirmed
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
+from tests.support.odd_devices import odd_registers
 
 ALL = ("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation")
 
@@ -72,6 +74,15 @@ def test_a_slow_finger_is_not_taken_for_one_that_stands() -> None:
         assert (place["value"], place["arrival"]) == (470, "reached")
 
 
+def test_a_status_of_the_movement_before_is_no_contact() -> None:
+    """A hand that ignores a command still reports what ended the one before it."""
+    still = {1546: (440).to_bytes(2, "little") * 6, 1612: bytes([3] * 6)}
+    with odd_registers(holds=still):
+        ended = hand("angle", "index=0", "--wait", "3", "--expect", "contact")
+    assert (ended.code, ended.error["code"]) == (7, "not-reached")
+    assert {row["arrival"] for row in ended.rows} == {"short"}
+
+
 def test_expectations_need_a_wait() -> None:
     assert hand("angle", "index=900", "--expect", "any").code == 2
 
@@ -98,10 +109,23 @@ def test_a_speed_that_lets_a_finger_go_on_is_asked_for(tmp_path: Path, words: tu
 
 def test_what_lets_nothing_go_is_not_asked_for(tmp_path: Path) -> None:
     at = f"&state={tmp_path / 'hand.json'}"
-    assert hand("speed", *["300"] * 6, at=at, yes=False).code == 0, "it had a speed"
     assert hand("speed", *["0"] * 6, at=at, yes=False).code == 0, "this stops"
     assert hand("set", "stroke_set=211,322,433,544,655,766", at=at).code == 0
     assert hand("speed", *["300"] * 6, at=at, yes=False).code == 0, "every finger is where it was sent"
+    assert hand("speed", *["500"] * 6, at=at, yes=False).code == 0, "and it still is"
+
+
+def test_a_finger_that_has_a_speed_may_still_be_off_its_target(tmp_path: Path) -> None:
+    """Its targets are read whatever speed it has (contract §7)."""
+    at = f"&state={tmp_path / 'hand.json'}"
+    assert hand("set", "stroke_set=211,322,433,544,655,766", at=at).code == 0
+    assert hand("speed", *["20"] * 6, at=at, yes=False).code == 0
+    assert hand("angle", "index=1000", at=at).code == 0
+    for words in (("speed", "index=500"), ("set", "speed_set.index=500")):
+        asked = hand(*words, at=at, yes=False)
+        assert asked.code == 8
+        assert "index (angle_set)" in asked.error["text"] and " to 1000" in asked.error["text"]
+    assert hand("speed", "ring=500", at=at, yes=False).code == 0
 
 
 def test_a_limit_that_lets_a_closing_finger_go_on_is_asked_for(tmp_path: Path) -> None:
@@ -131,6 +155,24 @@ def test_the_library_asks_too() -> None:
             confirm=lambda question, steps: bool(said.append(question)) or all(step["moves"] for step in steps),
         )
         assert "index (angle_set) 440 to 1000" in said[0]
+
+
+@each_row(("force", "position_set", "asked"), [
+    ((500, 0, 0, 0, 0), (110, 220, 330, 440, 550), ("little (force_set) to 500",)),
+    ((0, 0, -20, 0, 0), (110, 220, 330, 440, 550), ()),  # the middle finger has no error
+    ((0, 0, 0, 0, 0), (110, 220, 330, 440, 550), ()),
+    ((500, 0, 0, 0, 0), (900, 220, 330, 440, 550), ("little (position_set) 110 to 900", "little (force_set) to 500")),
+])  # fmt: skip
+def test_clearing_an_error_asks_where_a_force_is_commanded(
+    force: tuple[int, ...], position_set: tuple[int, ...], asked: tuple[str, ...]
+) -> None:
+    """The finger pushes its wearer with that force once the error is gone (contract §7)."""
+    holds = {1606: b"\x01\0\0\0\0", 1498: pack_s16(force), 1486: pack_s16(position_set)}
+    with odd_registers(holds=holds):
+        result = run("exo", "clear-errors", "-p", "fake://exo?clock=virtual", "--json")
+    assert (result.code == 8) == bool(asked), result
+    for words in asked:
+        assert words in result.error["text"]
 
 
 @each_row("family", ["exo", "hand"])

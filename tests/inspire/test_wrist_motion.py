@@ -15,6 +15,7 @@ from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.inspire.wrist_support import WIRES, RecordedFrames, Wrist, can, fake_port, fake_wrist, writes_of
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
+from tests.support.odd_devices import odd_registers
 from tests.support.scripted import NotedGuide, RecordedLink
 
 SIX = {
@@ -117,6 +118,19 @@ def test_a_move_that_outlasts_its_wait_is_not_arrived(wire: str) -> None:
     assert table.failure.code == "still-moving"
     assert link.now() == pytest.approx(1.0, abs=0.1)
     assert len(writes_of(link)) == 1
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_a_wrist_that_does_not_move_touches_nothing(wire: str) -> None:
+    """An actuator draws 222 mA at rest: which one turns which axis is open (W6)."""
+    with odd_registers(
+        holds={1020: (-345).to_bytes(2, "little", signed=True) + (1125).to_bytes(2, "little"), 1026: b"\xde\x00"}
+    ):
+        result = run(
+            *["wrist", "move", "--pitch", "5", "--time", "300", "--expect", "contact", "--json", "-p"], fake_port(wire)
+        )
+    assert (result.code, result.error["code"]) == (7, "not-reached")
+    assert [row["arrival"] for row in result.rows] == ["short", None]
 
 
 def test_within_half_a_degree_counts_as_arrived() -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from handctl import connect
 from handctl.devices.inspire.wrist import raw
-from handctl.errors import CheckFailed, HandctlError, NoAnswer, UsageError
+from handctl.errors import CheckFailed, HandctlError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import CanFrame
 from tests.inspire.wrist_support import (
     WIRES,
@@ -22,6 +23,7 @@ from tests.inspire.wrist_support import (
 )
 from tests.support.cli import run
 from tests.support.each_row import each_row
+from tests.support.odd_devices import odd_registers
 from tests.support.scripted import ScriptedLink, hexed, script, unhex
 
 PRINTED_READ = "EB 90 01 04 30 FC 03 02 36"
@@ -128,12 +130,30 @@ def test_frames_that_fit_two_devices_are_refused(frame: str) -> None:
     assert "None" not in step.meaning
 
 
-@pytest.mark.parametrize(
-    "frame", ["EB 90 01 05 12 FA 03 00 00 15", "EB 90 01 05 12 14 04 18 FC 44", "EB 90 01 05 11 0E 04 18 FC 3D"]
-)
+@pytest.mark.parametrize("frame", ["EB 90 01 05 12 14 04 F4 01 25", "EB 90 01 05 11 0E 04 18 FC 3D"])
 def test_the_guard_ends_where_the_wrist_ends(frame: str) -> None:
-    """1018..1019 and 1044 lie beside it; flag 11 writes nothing."""
+    """1044 lies beside it; flag 11 writes nothing."""
     assert raw.plan_raw(unhex(frame), False).data == unhex(frame)
+
+
+@each_row(
+    ("frame", "on_can", "code"),
+    [
+        ("EB 90 01 05 12 FA 03 00 00 15", "04FE8001 [2] 00 00", "never"),  # 1018
+        ("EB 90 01 04 12 12 09 01 33", "", "never"),  # 2322 runs a stored sequence
+        ("EB 90 01 04 12 EE 03 01 09", "04FB8001 [1] 01", "never"),  # 1006 restores the factory defaults
+        ("EB 90 01 04 12 F0 03 01 0B", "04FC0001 [1] 01", "never"),  # 1008 starts a gesture
+        ("EB 90 01 05 12 14 04 18 FC 44", "05050001 [2] 18 FC", "out-of-range"),
+    ],
+)
+def test_frames_to_the_hand_are_refused_as_its_own_commands_refuse_them(frame: str, on_can: str, code: str) -> None:
+    for plan, typed in ((raw.plan_raw, unhex(frame)), (raw.plan_can, can(on_can) if on_can else None)):
+        if typed is None:
+            continue
+        with pytest.raises(UsageError) as caught:
+            plan(typed, False)  # type: ignore[operator]
+        assert caught.value.code == code
+        plan(typed, True)  # type: ignore[operator]
 
 
 @pytest.mark.parametrize(
@@ -304,24 +324,79 @@ def test_hand_space_is_read_over_more_than_one_frame(wire: str) -> None:
 
 
 @each_row(
-    ("address", "data", "guarded"),
+    ("address", "data", "code"),
     [
-        (1020, "00", True), (1043, "00", True), (1019, "00 00", True), (1018, "00 " * 8, True), (1038, "18 FC", True),
-        (1019, "00", False), (1018, "00 00", False), (1044, "00", False), (1486, "F4 01", False),
+        (1020, "00 00", "ambiguous"), (1043, "00", "ambiguous"), (1019, "00 00", "ambiguous"), (1018, "00 " * 8, "ambiguous"),
+        (1038, "18 FC", "ambiguous"), (1044, "F4 01", ""), (1486, "F4 01", ""), (1559, "00", "undocumented"),
     ],
 )  # fmt: skip
 @each_row("wire", WIRES)
-def test_the_hand_is_guarded_where_the_wrist_lies(wire: str, address: int, data: str, guarded: bool) -> None:
+def test_the_hand_is_guarded_where_the_wrist_lies(wire: str, address: int, data: str, code: str) -> None:
     wrist, link = fake_wrist(wire)
-    if guarded:
+    hand, bytes_ = raw.carrier(wrist), unhex(data)
+    if code:
         with pytest.raises(UsageError) as caught:
-            raw.plan_hand_write(wrist, address, unhex(data), False)
-        assert caught.value.code == "ambiguous"
-    step = raw.plan_hand_write(wrist, address, unhex(data), True)
-    assert (step.moves, step.strands) == (True, True)
-    flag = step.data[4] if step.can_id is None else step.can_id >> 26
-    assert flag == (0x12 if wire == "serial" else 1)
+            raw.plan_hand_writes(hand, address, bytes_, force=False, undocumented=False)
+        assert caught.value.code == code
+    if address not in (1018, 1019, 1043):  # never, or a part of a register
+        (step,) = raw.plan_hand_writes(hand, address, bytes_, force=True, undocumented=True)
+        assert (step.moves, step.strands) == (address in (1486, 1559), address in (1038, 1559))
+        flag = step.data[4] if step.can_id is None else step.can_id >> 26
+        assert flag == (0x12 if wire == "serial" else 1)
     assert link.sent == []
+
+
+@each_row("wire", WIRES)
+@each_row(
+    ("written", "code"),
+    [
+        ("2322 01", "never"), ("1008 01", "never"), ("1003 01", "never"), ("1007 01", "never"),
+        ("1000 05", "usage"), ("1004 01", "usage"), ("1005 01", "usage"), ("1006 01", "usage"), ("1009 01", "usage"),
+        ("1486 E903", "out-of-range"), ("1546 0000", "usage"), ("1487 01", "usage"),
+    ],
+)  # fmt: skip
+def test_hand_write_refuses_what_the_commands_of_the_hand_refuse(wire: str, written: str, code: str) -> None:
+    """What resets, saves, calibrates, renames or starts a stored movement: also with every option that allows more."""
+    for options in ((), ("--force-ambiguous", "--undocumented")):
+        for family in ("hand", "wrist"):
+            verb = ["wrist", "hand-write"] if family == "wrist" else ["hand", "write"]
+            more = options if family == "wrist" else options[1:]
+            result = run(*verb, *written.split(), *more, "-p", fake_port(wire), "--yes", "--json")
+            assert (result.code, result.json["counters"]["sent"]) == (2, 0), (family, options)
+            assert result.error["code"] == code, (family, options)
+
+
+@each_row(
+    ("address", "data", "asked"),
+    [
+        (1486, "0A00", ("1 of 6 fingers", "little", "921", "10")),
+        (1488, "E803", ("1 of 6 fingers", "ring", "933", "1000")),
+        (1559, "00", ("UNDOCUMENTED",)),
+        (1044, "F401", ("default_force.little = 500",)),
+    ],
+)
+@each_row("wire", WIRES)
+def test_hand_write_names_what_moves_as_the_hand_does(
+    wire: str, address: int, data: str, asked: tuple[str, ...]
+) -> None:
+    questions: list[str] = []
+
+    def answer(question: str, _steps: object) -> bool:
+        questions.append(question)
+        return False
+
+    with connect("wrist", fake_port(wire)) as wrist, pytest.raises(NotConfirmed):
+        wrist.hand_write(address, data, undocumented=True, confirm=answer)
+    (question,) = questions
+    for word in asked:
+        assert word in question
+
+
+def test_hand_write_moves_no_hand_that_reports_a_fault() -> None:
+    with odd_registers(holds={1606: b"\x01"}):
+        result = run("wrist", "hand-write", "1488", "F401", "-p", fake_port("serial"), "--yes", "--json")
+    assert (result.code, result.error["code"]) == (7, "not-fit")
+    assert [entry["state"] for entry in result.json["writes"]] == ["not-sent"]
 
 
 @pytest.mark.parametrize("wire", WIRES)
@@ -352,9 +427,9 @@ def test_twelve_bytes_are_one_serial_frame_and_two_of_can(wire: str) -> None:
 
 def test_frames_of_a_long_write_meet_at_even_addresses() -> None:
     wrist, link = fake_wrist("can")
-    steps = raw.plan_hand_writes(wrist, 1487, bytes(12), False)
+    steps = raw.plan_hand_writes(raw.carrier(wrist), 1559, bytes(12), force=False, undocumented=True)
     assert [len(step.data) for step in steps] == [7, 5]
-    assert [step.can_id >> 14 & 0xFFF for step in steps if step.can_id is not None] == [1487, 1494]
+    assert [step.can_id >> 14 & 0xFFF for step in steps if step.can_id is not None] == [1559, 1566]
     assert link.sent == []
 
 
@@ -364,47 +439,11 @@ def test_a_long_write_ends_at_the_first_frame_that_does_not_read_back() -> None:
         ("01738001 [1] 08", [(0.0, "01738001 [8] F4 01 00 00 F4 01 E8 03")]),
     )
     link = ScriptedFrames(answers)
-    table = raw.hand_write(wrist_on(link), 1486, unhex(TWELVE))
+    table = raw.hand_write(raw.carrier(wrist_on(link)), 1486, unhex(TWELVE))
     assert isinstance(table.failure, CheckFailed)
     assert "The 4 bytes behind it were not sent" in table.failure.text
     assert len(link.sent) == 2
     assert table.rows[0]["raw"] == "F4 01 00 00 F4 01 E8 03"
-
-
-@pytest.mark.parametrize("wire", WIRES)
-def test_what_starts_something_in_the_hand_is_not_read_back(wire: str) -> None:
-    """A save is followed by a result of its own, and reads 0 again (RH56 §2.4.4; dossier, 4.3)."""
-    wrist, link = fake_wrist(wire)
-    table = raw.hand_write(wrist, 1005, b"\x01")
-    assert (table.failure, len(link.sent)) == (None, 1)
-
-
-@pytest.mark.parametrize("query", ["", "ack-id=old", "fault=echo"])
-@pytest.mark.parametrize("wire", WIRES)
-def test_a_new_id_is_read_back_through_it(wire: str, query: str) -> None:
-    """The acknowledgement comes from the new id already (RH56 ch. 3 ex. 1)."""
-    wrist, _ = fake_wrist(wire, query if wire == "serial" or "ack" not in query else "")
-    table = raw.hand_write(wrist, 1000, b"\x05")
-    assert (table.failure, table.rows[0]["raw"]) == (None, "05")
-    assert any("--id 5" in entry.hint for entry in wrist.journal.messages)
-
-
-def test_an_id_that_the_hand_did_not_take_is_a_failed_check() -> None:
-    answers = {
-        "EB 90 01 04 12 E8 03 05 07": "90 EB 01 04 12 E8 03 01 03",
-        "EB 90 01 04 11 E8 03 01 02": "90 EB 01 04 11 E8 03 01 02",
-    }
-    link = ScriptedLink(lambda request: [(0.0, unhex(answers[hexed(request)]))] if hexed(request) in answers else [])
-    failure = raw.hand_write(wrist_on(link), 1000, b"\x05").failure
-    assert isinstance(failure, CheckFailed)
-    assert "reads 01 after 05" in failure.text
-
-
-def test_impossible_ids_are_not_written_into_the_hand() -> None:
-    wrist, _ = fake_wrist()
-    for data in (b"\x00", b"\xff"):
-        with pytest.raises(UsageError):
-            raw.plan_hand_write(wrist, 1000, data, True)
 
 
 @pytest.mark.parametrize(("fault", "code"), [("silent", 4), ("wrong-id", 5)])
@@ -421,7 +460,7 @@ def test_hand_write_that_did_not_take() -> None:
             ("EB 90 01 04 11 CE 05 02 EB", ["90 EB 01 05 11 CE 05 A1 00 8B"]),
         )
     )
-    failure = raw.hand_write(wrist_on(link), 1486, unhex("F4 01")).failure
+    failure = raw.hand_write(raw.carrier(wrist_on(link)), 1486, unhex("F4 01")).failure
     assert isinstance(failure, CheckFailed)
     assert "A1 00" in failure.text and "F4 01" in failure.text
 

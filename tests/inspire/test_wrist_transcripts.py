@@ -181,8 +181,9 @@ def act(wrist: Wrist, words: list[str]) -> str:
         case ["hand-read", address, count]:
             return raw_of(raw.hand_read(wrist, int(address), int(count)))
         case ["hand-write", address, data]:
-            raw.plan_hand_write(wrist, int(address), unhex(data), False)
-            return raw_of(raw.hand_write(wrist, int(address), unhex(data)))
+            hand = raw.carrier(wrist)
+            raw.plan_hand_writes(hand, int(address), unhex(data), force=False, undocumented=False)
+            return raw_of(raw.hand_write(hand, int(address), unhex(data)))
         case _:
             raise AssertionError(f"unknown action {words}")
     if table.failure is not None:

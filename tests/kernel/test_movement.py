@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import pytest
 
 from handctl.errors import UsageError
@@ -29,7 +31,9 @@ def fed(goal: Goal, still: Stillness, *values: AxisReading | int | None, period:
         ((0, 94, 94, 94), [False, False, False, True], "short"),
         ((0, 50, 60), [False, False, False], "moving"),
         ((0, 50, 50), [False, False, False], "moving"),
-        ((50,), [False], "short"),  # one reading shows no movement
+        ((50,), [False], "moving"),  # one reading shows no rest
+        ((97,), [False], "reached"),
+        ((50, AxisReading(60, blocked="hot"), AxisReading(70, blocked="hot")), [False] * 3, "moving"),
         ((None, None), [False, False], "unread"),
         ((50, AxisReading(50, blocked="locked")), [False, True], "blocked"),
         (
@@ -56,19 +60,34 @@ def test_when_an_axis_has_ended(values: tuple[AxisReading | int | None, ...], en
         (GOAL, STILL._replace(least=0.35), (97, 97, 97, 97, 97), [False] * 4 + [True], "reached"),
         (GOAL, STILL._replace(grace=0.35), (50, 50, 50, 50, 50), [False] * 4 + [True], "short"),
         (GOAL, STILL._replace(grace=0.35), (97, 97, 97), [False, False, True], "reached"),
+        # short of the target the longer time counts, whether it has begun or pauses, unless the device reports why
+        (GOAL, STILL._replace(short=0.45), (50, 50, 50, 50, 50, 50), [False] * 5 + [True], "short"),
+        (GOAL, STILL._replace(short=0.45), (50, 50, 50, 50), [False] * 4, "moving"),
+        (GOAL, STILL._replace(short=0.45), (10, 50, 50, 50, 50, 60), [False] * 6, "moving"),
+        (GOAL, STILL._replace(short=0.45), (97, 97, 97), [False, False, True], "reached"),
+        (GOAL._replace(speed=0), STILL._replace(short=0.45), (50, 50, 50), [False, False, True], "no-speed"),
+        (
+            GOAL,
+            STILL._replace(short=0.45),
+            (10, *[AxisReading(50, moves=False)] * 3),
+            [False] * 3 + [True],
+            "short",
+        ),
+        (GOAL, STILL._replace(short=0.45), [AxisReading(50, moves=False)] * 4, [False] * 4, "moving"),
         (GOAL, STILL._replace(passes=True), (90, 100, 110), [False] * 3, "moving"),
         (GOAL, STILL._replace(passes=True), (100, 100, 100), [False, False, True], "reached"),
     ],
 )
 def test_what_a_family_knows_of_its_movements(
-    goal: Goal, still: Stillness, values: tuple[int, ...], ended: list[bool], verdict: str
+    goal: Goal, still: Stillness, values: Sequence[AxisReading | int], ended: list[bool], verdict: str
 ) -> None:
     assert fed(goal, still, *values) == (ended, verdict)
 
 
 def test_what_was_read_once_more_counts_for_those_that_are_off() -> None:
     watch = Watch([GOAL, GOAL._replace(name="b")], STILL, 0.0)
-    watch.note(0.0, {"a": AxisReading(50), "b": AxisReading(100)})
+    for now in (0.0, 0.1, 0.2):
+        watch.note(now, {"a": AxisReading(50), "b": AxisReading(100)})
     assert watch.short == ["a"] and not watch.reached
     deeper = dict.fromkeys("ab", AxisReading(None, contact="it draws 900 mA"))
     assert [one.verdict for one in watch.arrivals(deeper)] == ["contact", "reached"]

@@ -50,6 +50,18 @@ def test_plain_status_names_what_to_do(kind: str) -> None:
     assert checked.error["hint"] in {message["hint"] for message in found}
 
 
+@pytest.mark.parametrize("kind", ["exo", "wrist", "hand"])
+def test_what_passes_by_itself_leaves_the_others_their_step(kind: str) -> None:
+    """0x03: no command clears over_temperature, but one clears the locked rotor (exo §2.3.3, rh56 §3.1)."""
+    both = hint_for(kind, Finding("", ("locked_rotor", "over_temperature")))
+    for key in ("locked_rotor", "over_temperature"):
+        assert remedies_of(kind)[key].step.casefold() in both.casefold()
+    assert (
+        remedies_of(kind)["locked_rotor"].step.casefold()
+        not in hint_for(kind, Finding("", ("over_temperature",))).casefold()
+    )
+
+
 def test_the_most_urgent_one_is_first() -> None:
     table = {
         "hot": Remedy("a", "cool it", "§1"),

@@ -467,7 +467,7 @@ def test_readings_of_the_hand() -> None:
     assert words[31:43] == [1121, 1133, 1145, 1169, 1157, 1181, 921, 933, 945, 969, 957, 981]
     assert words[43:55] == [0] * 12
     assert words[55:67] == [-21, 22, -23, 24, -25, 26, 41, 42, 43, 44, 45, 46]
-    assert heard[134:] == bytes([0, 0, 0, 0, 0, 0, 2, 1, 3, 2, 0, 5, 36, 37, 38, 39, 40, 41])
+    assert heard[134:] == bytes([0, 0, 0, 0, 0, 0, 2, 1, 3, 2, 0, 2, 36, 37, 38, 39, 40, 41])
     limits = bytes.fromhex(Bench().line.command("hand-get 1020 36"))
     assert [int.from_bytes(limits[at : at + 2], "little") for at in range(24, 36, 2)] == [401, 402, 403, 404, 405, 406]
 
@@ -495,7 +495,7 @@ def test_hand_has_values_of_its_own_everywhere(bench: Any) -> None:
     rows += [bench.values(*range(first, first + 12, 2), space="hand-get") for first in (1020, 1032, 1044, 1582, 1594)]
     assert len({value for row in rows for value in row}) == 60, "all but the speeds, which are those of power-on"
     assert rows[3] == rows[7]
-    assert bench.line.command("hand-get 1612 6") == "02 01 03 02 00 05"
+    assert bench.line.command("hand-get 1612 6") == "02 01 03 02 00 02"
 
 
 def test_wrist_space_is_empty_outside_its_registers() -> None:
@@ -1509,14 +1509,14 @@ def test_a_finger_goes_to_its_angle_and_the_others_stay(bench: Any) -> None:
     """Speed 1000 is 1000 units in 0.8 s; the little finger has speed 901 after power-on, so 921 units take 0.818 s."""
     bench.ask(CLOSE_LITTLE if isinstance(bench, Bench) else "05738001 00 00 FF FF FF FF FF FF")
     assert bench.values(*ANGLES, space="hand-get") == RESTING
-    assert bench.line.command("hand-get 1612 6") == "01 01 03 02 00 05"  # closing
+    assert bench.line.command("hand-get 1612 6") == "01 01 03 02 00 02"  # closing
     bench.wait(0.4)
     assert bench.values(*ANGLES, space="hand-get") == [round(921 - 0.4 * 1250 * 0.901), *RESTING[1:]]
     assert bench.values(1594, 1596, space="hand-get") == [41 + 150, 42]
     bench.wait(0.5)
     assert bench.values(*ANGLES, space="hand-get") == [0, *RESTING[1:]]
     assert bench.values(1534, 1536, 1594, space="hand-get") == [2000, 1133, 41]
-    assert bench.line.command("hand-get 1612 6") == "02 01 03 02 00 05"  # arrived
+    assert bench.line.command("hand-get 1612 6") == "02 01 03 02 00 02"  # arrived
     bench.line.command("power-cycle")
     assert bench.values(*ANGLES, space="hand-get") == [0, *RESTING[1:]]
 

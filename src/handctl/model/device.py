@@ -26,7 +26,7 @@ from handctl.errors import (
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.model.command_settings import Settings
-from handctl.model.param import Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
+from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
 from handctl.model.stop_sequence import (
@@ -597,11 +597,11 @@ class Release(NamedTuple):
 
 
 class PendingMove(NamedTuple):
-    """An axis that would move."""
+    """An axis that would move from `here` to `there`, or push with the force `there`: then `here` is None."""
 
     part: str
     target: str
-    here: Number
+    here: Number | None
     there: Number
 
     def row(self, *more: tuple[str, str]) -> ValueChange:
@@ -637,6 +637,11 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
                 continue
             if (part, False) in freed or course.closes(here, there):
                 found[PendingMove(part, course.target, here, there)] = None
+    forces = [one for param in device.map if param.acts == PUSHES for one in elements_of(param)]
+    forces = [one for one in forces if (one.part or "", False) in freed]
+    for element, force in zip(forces, _values(device, forces) if forces else (), strict=True):
+        if force:
+            found[PendingMove(element.part or "", element.param.name, None, force)] = None
     return list(found)
 
 
@@ -657,6 +662,8 @@ def pending_table(waiting: Sequence[PendingMove]) -> Changes:
 
 def question(waiting: Sequence[PendingMove]) -> str:
     """The question before such a write."""
-    text = "This moves what has not reached its target yet"
-    twice = len({one.part for one in waiting}) < len(waiting)
-    return f"{text}. Of two targets of a finger, the one that was set last counts" if twice else text
+    moving = [one.part for one in waiting if one.here is not None]
+    text = "This moves what has not reached its target yet" if moving else ""
+    if len(set(moving)) < len(moving):
+        text += ". Of two targets of a finger, the one that was set last counts"
+    return joined(text, "This may let a finger push with its commanded force" if len(moving) < len(waiting) else "")

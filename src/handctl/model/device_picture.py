@@ -10,13 +10,16 @@ from functools import cache
 from importlib import import_module
 from itertools import product
 
-from handctl.errors import reworded
+from handctl.errors import joined, reworded
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.model.result import Cell, Finding, Grid, Row
 
 UNKNOWN = "unknown_bit"
 """Begins the name of a bit that the manual does not have; its row of a table has this key."""
+
+PASSES = frozenset(["over_temperature", "hot"])
+"""Findings that time alone ends: what else is set has a next step of its own."""
 
 
 class Remedy(NamedTuple):
@@ -56,10 +59,13 @@ def hint_of(kind: str, findings: Sequence[Finding]) -> str:
 
 
 def hint_for(kind: str, finding: Finding) -> str:
-    """The next step for a finding, "" where the table has none."""
+    """The next step for a finding, "" where the table has none. What passes by itself leaves the others their own step."""
     table = remedies_of(kind)
     key = worst_of(table, finding.keys)
-    return finding.step or (table[key].hint if key else "")
+    if finding.step or not key:
+        return finding.step
+    more = worst_of(table, set(finding.keys) - PASSES) if key in PASSES else ""
+    return joined(table[key].hint, table[more].hint) if more else table[key].hint
 
 
 MOST = 8

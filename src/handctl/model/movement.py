@@ -1,13 +1,14 @@
 """Watch a movement until every axis has ended, and judge the result of each against --expect. Knows no device.
 
 An axis has ended its movement when it is exactly at its target, when the device reports that something blocks it, or
-when it has stopped: a number of equal readings over a time that the family defines (`Stillness`). The result is one of
+when it has stopped: a number of equal readings over a time that the family defines (`Stillness`). Short of the target that
+time is longer: a movement may begin late, or pause. The result is one of
 
     reached   it is at its target
     contact   it stopped before its target, and the device reports an object or a stall, or its current or force shows a push
-    short     it stopped before its target for no visible reason
-    blocked   the device reports a fault that ended the movement, such as a locked rotor
-    moving    its readings still changed when the wait was over
+    short     it stopped before its target for no visible reason, or did not move at all
+    blocked   it has stopped, and the device reports a fault, such as a locked rotor
+    moving    it was not seen at rest for that time when the wait was over: it may still move
     no-speed  it is not at its target, and its set speed is 0
     unread    its position could not be read
 
@@ -40,7 +41,7 @@ MET: Mapping[str, frozenset[str]] = {
 CODES = {BLOCKED: "blocked", MOVING: "still-moving", UNREAD: "unread", NO_SPEED: "no-speed"}
 """Verdict -> code of the error where an axis has it, the worst first; else ``not-reached``."""
 HINTS = {
-    BLOCKED: "free what blocks it, then clear the error",
+    BLOCKED: "find out which error it reports, and remove its cause",
     MOVING: "wait longer, or stop it",
     UNREAD: "check the link, then read its position again",
     NO_SPEED: "set a speed",
@@ -61,6 +62,7 @@ class Stillness(NamedTuple):
     dead              seconds from the command until a movement begins: before that nothing has ended
     least             seconds that the movement takes: before that only the target itself is an end
     grace             seconds for which standing short of the target is no end yet
+    short             seconds at rest that are an end short of the target, unless the device reports one: it may begin late, or pause
     passes            an axis may be exactly at its target and pass by it: it has to stand there
     """
 
@@ -70,6 +72,7 @@ class Stillness(NamedTuple):
     dead: float = 0.0
     least: float = 0.0
     grace: float = 0.0
+    short: float = 0.0
     passes: bool = False
 
 
@@ -112,12 +115,13 @@ class AxisReading(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """What became of one axis, and why."""
+    """What became of one axis, and why; `moved`: it was seen to move."""
 
     goal: Goal
     value: Number | None
     verdict: str
     why: str = ""
+    moved: bool = True
 
     @property
     def met(self) -> str:
@@ -129,9 +133,11 @@ class Arrival(NamedTuple):
         words = {
             REACHED: f"{self.goal.name} reached {here}",
             CONTACT: f"{self.goal.name} touched something at {here}",
-            SHORT: f"{self.goal.name} stopped at {here}",
+            SHORT: f"{self.goal.name} stopped at {here}"
+            if self.moved
+            else f"{self.goal.name} did not move from {here}",
             BLOCKED: f"{self.goal.name} is blocked at {here}",
-            MOVING: f"{self.goal.name} still moves, now at {here}",
+            MOVING: f"{self.goal.name} may still move, now at {here}",
             NO_SPEED: f"{self.goal.name} has speed 0 and stays at {here}",
             UNREAD: f"the position of {self.goal.name} could not be read",
         }[self.verdict]
@@ -184,43 +190,61 @@ class Watch:
             axis.note(now, seen.get(name, AxisReading(None)))
         return all(self._ended(axis) for axis in self._axes.values())
 
-    def _is_still(self, axis: _Axis) -> bool:
-        """If the device reports that it has stopped, no more time is needed; its report that it moves is not enough by itself."""
-        need = 0.0 if axis.seen.moves is False else max(self.still.seconds, axis.goal.patience)
+    def _rests(self, axis: _Axis, *, explained: bool = False) -> bool:
+        """Whether it has stood long enough to have ended. If the device reports that it has stopped, or what is read of it
+        explains why, no more time is needed than at its target; its report that it moves is not enough by itself."""
+        seen, goal = axis.seen, axis.goal
+        need = 0.0 if seen.moves is False else max(self.still.seconds, goal.patience)
+        reported = axis.near or explained or seen.contact or goal.speed == 0 or (seen.moves is False and axis.moved)
+        if not reported:
+            need = max(need, self.still.short)
         return axis.equal >= self.still.samples and self.now - axis.since >= need
+
+    @staticmethod
+    def _stopped_by_fault(axis: _Axis) -> bool:
+        """A fault alone is no standstill: the reading has to stay as it is."""
+        return bool(axis.seen.blocked) and axis.equal > 1
 
     def _ended(self, axis: _Axis) -> bool:
         lasted = self.now - self.begun
         if axis.seen.value is None or (self.still.dead and lasted <= self.still.dead):
             return False
-        if axis.seen.blocked or (axis.exact and not self.still.passes):
+        if self._stopped_by_fault(axis) or (axis.exact and not self.still.passes):
             return True
-        return self._is_still(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
+        return self._rests(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
 
     @property
     def short(self) -> list[str]:
         """The axes that are not at their targets. A family may read more about them to give the reason."""
         return [name for name, axis in self._axes.items() if not axis.near]
 
+    @property
+    def moved(self) -> frozenset[str]:
+        """The axes that were seen to move."""
+        return frozenset(name for name, axis in self._axes.items() if axis.moved)
+
     def arrivals(self, deeper: Mapping[str, AxisReading] | None = None) -> list[Arrival]:
         """What became of each axis; `deeper` is what was read once more, when it was over, of those that are `short`."""
         return [self._arrival(self._axes[name], (deeper or {}).get(name)) for name in self._axes]
 
     def _arrival(self, axis: _Axis, deeper: AxisReading | None) -> Arrival:
-        seen = axis.seen if deeper is None or axis.near else deeper
-        value = axis.seen.value
-        moving = axis.moved and not self._is_still(axis)
+        value, goal, near = axis.seen.value, axis.goal, axis.near
         if value is None:
-            return Arrival(axis.goal, None, UNREAD)
-        if seen.blocked:
-            return Arrival(axis.goal, value, BLOCKED, seen.blocked)
-        if (axis.exact and not self.still.passes) or (axis.near and not moving):
-            return Arrival(axis.goal, value, REACHED)
-        if moving:
-            return Arrival(axis.goal, value, MOVING)
-        if axis.goal.speed == 0:
-            return Arrival(axis.goal, value, NO_SPEED)
-        return Arrival(axis.goal, value, CONTACT if seen.contact else SHORT, seen.contact)
+            return Arrival(goal, None, UNREAD)
+        if self._stopped_by_fault(axis):
+            return Arrival(goal, value, BLOCKED, axis.seen.blocked)
+        if (axis.exact and not self.still.passes) or (near and not (axis.moved and not self._rests(axis))):
+            return Arrival(goal, value, REACHED)
+        if goal.speed == 0 and not axis.moved:
+            return Arrival(goal, value, NO_SPEED)
+        blocked, contact = "", axis.seen.contact
+        if deeper is not None and not near:
+            blocked, contact = deeper.blocked, contact or deeper.contact
+        if not self._rests(axis, explained=bool(blocked or contact)):
+            return Arrival(goal, value, MOVING)
+        if blocked:
+            return Arrival(goal, value, BLOCKED, blocked)
+        return Arrival(goal, value, CONTACT if contact else SHORT, contact, axis.moved)
 
     @property
     def reached(self) -> bool:
@@ -267,10 +291,12 @@ def watch(
         clock.tick()
 
 
-def failure_of_arrivals(where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "") -> CheckFailed | None:
+def failure_of_arrivals(
+    where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "", blocked: str = ""
+) -> CheckFailed | None:
     """The error where not every axis ended as it was expected to, with what became of those that did not.
 
-    `hint` is the family's own next step, and comes first.
+    `hint` is the family's own next step, and comes first. `blocked` is the one for the faults that it reports.
     """
     off = [one for one in arrivals if one.met not in MET[expect]]
     if not off and expect == CONTACT and arrivals and all(one.verdict != CONTACT for one in arrivals):
@@ -284,7 +310,7 @@ def failure_of_arrivals(where: str, arrivals: Sequence[Arrival], expect: str, *,
     worst = next((verdict for verdict in HINTS if any(one.verdict == verdict for one in off)), SHORT)
     return CheckFailed(
         f"{where}: {'the target was' if len(off) == 1 else 'targets were'} not reached: {listed(off)}",
-        hint=joined(hint, HINTS[worst]),
+        hint=joined(hint, blocked if blocked and worst == BLOCKED else HINTS[worst]),
         code=CODES.get(worst, "not-reached"),
     )
 

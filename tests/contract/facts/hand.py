@@ -59,10 +59,10 @@ WAITING = (
     ),
     Waiting(
         "grips something up to its force limit", ("force_limit",),
-        ("force 900 900 900 900 900 900", "force index=900", "set force_limit.index=900"), GRIPS, _angles, {"object": "100"}, goes=False,
+        ("force 900 900 900 900 900 900", "force index=900", "set force_limit.index=900", "speed index=300"), GRIPS, _angles, {"object": "100"}, goes=False,
     ),
     Waiting(
-        "has an error on its way", ("clear_errors",), ("clear-errors",), _told(_write(1486, OPEN), 1.0), _angles,
+        "has an error on its way", ("clear_errors",), ("clear-errors", "speed index=300", "set speed_set.index=300"), _told(_write(1486, OPEN), 1.0), _angles,
         {"fault": "faults"}, 1000.0, goes=False,
     ),
 )  # fmt: skip
@@ -70,7 +70,7 @@ FACTS = Facts(
     places=_angles,
     waiting=WAITING,
     writes={
-        "set": "speed_set.index=300 force_limit.little=200",
+        "set": "speed_set.index=0 force_limit.little=200",
         "restore": "{hand}",
         "write": "1528 2C01",
         "raw": "EB 90 01 05 12 D4 05 2C 01 1E",
@@ -83,7 +83,7 @@ FACTS = Facts(
         "factory-reset": "--backup {dir}/b.json",
         "calibrate": "",
         "force": "200 -1 -1 300 -1 -1",
-        "speed": "100 -1 -1 300 -1 -1",
+        "speed": "0 -1 -1 0 -1 -1",
         "angle": "500 600 700 800 900 400 --wait 5",
         "position": "-1 -1 -1 500 -1 -1 --wait 5",
         "stop": "",

@@ -1,10 +1,18 @@
-"""What the calibrations of the EH55BF1 and the RH56 hands share: the wait for their end. The steps are in each hand's `calibration`."""
+"""What the calibrations of the EH55BF1 and the RH56 hands share: the wait for their end, and what shows that they succeeded. The steps are in each hand's `calibration`."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.id_baud_save_reset import outcome
 from handctl.devices.inspire.register_bus import POWER_OFF, RegisterBus
+from handctl.devices.inspire.register_device import RegisterDevice
+from handctl.devices.inspire.register_map import Register
+from handctl.errors import CheckFailed, Hint, joined
+from handctl.model.param import Reading
 from handctl.model.prompts import Prompts
+from handctl.model.result import Finding, Table, hex_bytes
 
 
 def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, more: str = "") -> eb90.Frame | None:
@@ -23,3 +31,37 @@ def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, mor
     finally:
         prompts.done()
     return None
+
+
+def calibration_result(
+    hand: RegisterDevice, register: Register, frame: eb90.Frame | None, after: Sequence[Reading]
+) -> Table:
+    """The result of a calibration, from the frame that reported its end and from what was read `after` it.
+
+    ``completed`` only where the end was reported with 00 and no actuator reports an error. The meaning of another byte is open:
+    FF is a save that failed (RH56 ch. 3 ex. 4, 5).
+    """
+    said = frame.data if frame is not None else None
+    faults = [
+        Finding(f"{one.element.part}: {label}", tuple(label.split(", ")))
+        for one in after
+        if one.element.param.name == "error" and one.value and (label := one.element.param.label(one.value))
+    ]
+    against = [] if said in (None, b"\0") else [f"its end was reported with {hex_bytes(said or b'')} instead of 00"]
+    if any(one.error is not None for one in after if one.element.param.name == "error"):
+        against.append("the error bits could not be read after it")
+    against += [f"errors are reported after it: {'; '.join(one.text for one in faults)}"] if faults else []
+    table = outcome(hand, register, "not reported" if said is None else "ended" if against else "completed", said)
+    table.rows += [hand.row(one) for one in after if one.element.param.name != "error" or one.value != 0]
+    table.columns = hand.columns
+    if against:
+        from handctl.model.device_picture import hint_of
+
+        table.failure = CheckFailed(
+            f"{hand.bus.where}: nothing shows that the calibration succeeded: {', and '.join(against)}",
+            hint=joined(
+                Hint("check with {}", f"{hand.kind} status"), hint_of(hand.kind, faults), "then calibrate again"
+            ),
+            code="not-calibrated",
+        )
+    return table

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from itertools import groupby
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.explain_bytes import InspireExplainer, stretches
-from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.register_map import Register
 from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak
@@ -126,9 +125,14 @@ def _checked(hand: RegisterDevice, register: Register, address: int, data: bytes
 
 def write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     """Write once, read back; a read-back that differs is the table's failure. Raises Interrupted, after a stop."""
-    moving = any(register.moves and _overlap(register, address, len(data)) for register in hand.map)
-    with hand.stopped_by_ctrl_c(f"{hex_bytes(data)} at {address}", moving):
+    with stopped_by_ctrl_c(hand, address, data):
         return _write(hand, address, data)
+
+
+def stopped_by_ctrl_c(hand: RegisterDevice, address: int, data: bytes) -> AbstractContextManager[None]:
+    """Around a write by number: Ctrl-C stops what it may have set going. Raises Interrupted."""
+    moving = any(register.moves and _overlap(register, address, len(data)) for register in hand.map)
+    return hand.stopped_by_ctrl_c(f"{hex_bytes(data)} at {address}", moving)
 
 
 def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
@@ -136,23 +140,24 @@ def _write(hand: RegisterDevice, address: int, data: bytes) -> Table:
     hand.bus.try_write(address, data, "the write", "handctl reads it back")
     now = hand.bus.read_back(lambda: hand.bus.read(address, len(data)), data.__eq__)
     table = Table(rows=_rows(hand, address, now), columns=hand.columns)
-    judge_read_back(hand.bus, table, step, str(address), data, now, f"{hand.kind} read {address} {len(data)}")
+    judge_read_back(hand, table, step, str(address), data, now, f"{hand.kind} read {address} {len(data)}")
     return table
 
 
 def judge_read_back(
-    bus: RegisterBus, table: Table, step: Step, where: str, data: bytes, now: bytes, again: str
+    hand: RegisterDevice, table: Table, step: Step, where: str, data: bytes, now: bytes, again: str
 ) -> None:
     """Enter what a write reads as `now`; where that differs it is the table's failure."""
     if now == data:
-        bus.journal.ledger.confirm("read back", step)
+        hand.journal.ledger.confirm("read back", step)
         return
-    bus.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
+    hand.journal.ledger.doubt(f"reads {hex_bytes(now)}", step)
     table.failure = CheckFailed(
-        f"{bus.where}: {where} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
+        f"{hand.bus.where}: {where} reads {hex_bytes(now)} after {hex_bytes(data)} was written",
         hint=Hint("read it again before you write: {}", f"{again}"),
         code="read-back",
     )
+    hand.tell_moving(table.failure)
 
 
 def changes_of(params: ParamMap[Register], address: int, data: bytes) -> list[tuple[Element, Number]]:
@@ -162,6 +167,20 @@ def changes_of(params: ParamMap[Register], address: int, data: bytes) -> list[tu
         for register, index, raw in stretches(params, address, data)
         if register is not None
     ]
+
+
+UNKNOWN = "this is not a complete frame, so its effect is unknown"
+
+
+def several(data: bytes, pieces: Sequence[ExplainedBytes], plan: Callable[[bytes], Step]) -> Step:
+    """What bytes do that are not one frame: each frame among them is planned, and named, by itself. Raises what `plan` raises."""
+    whole = [
+        piece for piece in pieces if len(piece.raw) < len(data) and (piece.frame or piece.problem == "bad-checksum")
+    ]
+    said = [plan(piece.raw).meaning for piece in whole]
+    if len(whole) < len(pieces):
+        said.append("the rest is not a complete frame, so its effect is unknown" if said else UNKNOWN)
+    return Step("; ".join(said), data, moves=True, strands=True)
 
 
 def asked(step: Step, question: str) -> tuple[Step, str]:

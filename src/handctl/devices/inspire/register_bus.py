@@ -94,7 +94,7 @@ def may_still_move(what: str) -> Iterator[None]:
     try:
         yield
     except (NoAnswer, ProtocolError, LinkError) as exc:
-        if exc.code != "deadline":
+        if exc.code != "deadline" and not exc.left.moving:
             exc.add_aftermath(
                 Aftermath(f"{what} may still move", "switch the power off if a movement would be dangerous", joint=". ")
             )

@@ -33,6 +33,7 @@ from handctl.fast_classes import NamedTuple
 from handctl.link import CanFrame
 from handctl.model.device import Device
 from handctl.model.movement import (
+    BLOCKED,
     Arrival,
     AxisReading,
     Goal,
@@ -45,7 +46,7 @@ from handctl.model.movement import (
 )
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
-from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.result import Column, Finding, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
 from handctl.model.stop_sequence import Stopped
 from handctl.wording import plural
@@ -235,6 +236,11 @@ class BlockReader:
 T = TypeVar("T")
 
 
+BEGINS = 1.8
+"""Seconds at rest that end a movement short of its target where nothing explains it. No manual says how late a movement may
+begin, or how long it may pause; this is twice the 0.8 s of a whole stroke (RH56 §2.4.8), and some."""
+
+
 class Movement(NamedTuple):
     """What is watched of a movement.
 
@@ -401,10 +407,20 @@ class RegisterDevice(Device):
         try:
             with on_early_end(left, since=self.journal.counters, interrupt=False):
                 yield
+        except (CheckFailed, NoAnswer, ProtocolError) as exc:
+            if self.journal.counters.writes > before:
+                self.tell_moving(exc)
+            raise
         except KeyboardInterrupt as exc:
             if self.journal.counters.writes == before:
                 raise
             raise interrupt_error(self.stop() if self._moving else Stopped(unsure, look)) from exc
+
+    def tell_moving(self, error: HandctlError) -> None:
+        """Add to the error of a write that may have set something going, and whose read-back failed, how to stop that."""
+        if self._moving and error.code != "deadline" and not error.left.moving:
+            text = "the device may be moving, perhaps to another target"
+            error.add_aftermath(Aftermath(text, Hint("stop it with {}", f"{self.kind} stop"), joint=". ", moving=True))
 
     def _written(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         written: list[str] = []
@@ -476,13 +492,30 @@ class RegisterDevice(Device):
             clock = self.bus.clock(wait, this.still.refresh, this.what)
             self.bus.pause(this.pause)
             seen = watch(this.goals, this.still, look, prompts, clock)
-            arrivals = seen.arrivals(this.evidence(seen, last))
+            deeper = this.evidence(seen, last) or {}
+            # an actuator may draw that much at rest: it pushes something only if it had moved
+            deeper |= {name: one._replace(contact="") for name, one in deeper.items() if name not in seen.moved}
+            arrivals = seen.arrivals(deeper)
         at = {one.goal.name: one for one in arrivals}
         rows = [marked(self.row(reading), at.get(this.name(reading))) for reading in last]
         failure = failure_of_arrivals(
-            self.bus.where, arrivals, expect, hint=Hint("check with {}", f"{self.kind} status")
+            self.bus.where,
+            arrivals,
+            expect,
+            hint=Hint("check with {}", f"{self.kind} status"),
+            blocked=self._step_of_faults([one.why for one in arrivals if one.verdict == BLOCKED]),
         )
         return Table(rows=rows, columns=with_arrival(self.columns), failure=failure), arrivals
+
+    def _step_of_faults(self, faults: Sequence[str]) -> str:
+        """What to do about faults that ended a movement; "" for none."""
+        if not faults:
+            return ""
+        from handctl.model.device_picture import hint_of, remedies_of
+
+        return hint_of(
+            self.kind, [Finding(why, tuple(k for k in remedies_of(self.kind) if k in why)) for why in faults]
+        )
 
     # -- where it is found ---------------------------------------------------------------------------------------
 

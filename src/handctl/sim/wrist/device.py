@@ -66,7 +66,7 @@ _READINGS = [  # of each finger: stroke, angle, force, current, state, temperatu
     (1145, 945, -23, 43, 3, 38),
     (1169, 969, 24, 44, 2, 39),  # the angle as in a field capture of an RH56
     (1157, 957, -25, 45, 0, 40),
-    (1181, 981, 26, 46, 5, 41),
+    (1181, 981, 26, 46, 2, 41),
 ]
 
 

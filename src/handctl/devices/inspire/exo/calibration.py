@@ -5,10 +5,9 @@ It moves all fingers, and nothing but the power stops it: both are said before a
 
 from __future__ import annotations
 
-from handctl.devices.inspire.calibration import wait_for_calibration
+from handctl.devices.inspire.calibration import calibration_result, wait_for_calibration
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.register_map import EXO
-from handctl.devices.inspire.id_baud_save_reset import outcome
 from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.errors import Hint
 from handctl.model.param import elements_of
@@ -56,7 +55,8 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     seconds = bus.link.now() - started
     if frame is not None:
         prompts.say(f"The hand reported the end after {seconds:.1f} s.")
-        hand.journal.ledger.confirm("its end was reported", since=begun)
+        if frame.data == b"\0":
+            hand.journal.ledger.confirm("its end was reported", since=begun)
     else:
         bus.out_of_time("the end of the calibration, which is still running", "its end")
         if lost is not None:
@@ -72,9 +72,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
             hint=Hint("check the positions with {}", "exo status"),
         )
     hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
-    table = hand.read([e for name in ("position_actual", "force_actual") for e in elements_of(EXO[name])])
-    ended = outcome(
-        hand, EXO["calibrate"], "completed" if frame is not None else "not reported", frame.data if frame else None
-    )
-    ended.rows[0]["seconds"] = round(seconds, 1)
-    return Table(rows=[*ended.rows, *(hand.row(reading) for reading in table)], columns=hand.columns)
+    after = hand.read([e for name in ("position_actual", "force_actual", "error") for e in elements_of(EXO[name])])
+    table = calibration_result(hand, EXO["calibrate"], frame, after)
+    table.rows[0]["seconds"] = round(seconds, 1)
+    return table

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.explain_bytes import InspireExplainer
-from handctl.devices.inspire.raw import check_values, forceable, refused
+from handctl.devices.inspire.raw import check_values, forceable, refused, several
 from handctl.devices.inspire.register_map import ALONE
 from handctl.errors import UsageError
 from handctl.model.explainer import HOST
@@ -29,9 +29,7 @@ def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
         return Step("no valid frame in it, so the hand should not reply", data)
     piece, *more = pieces
     if more or not (piece.frame or (piece.problem == "bad-checksum" and not goes_on)):
-        return Step(
-            "this is not a complete frame, so its effect on the hand is unknown", data, moves=True, strands=True
-        )
+        return several(data, pieces, lambda frame: plan_raw(frame, force_ambiguous))
     frame = eb90.Frame(data[:2], data[2], data[4], data[5:-1])
     if frame.flag == eb90.READ and len(frame.payload) == 3:
         return Step(piece.meaning, data)

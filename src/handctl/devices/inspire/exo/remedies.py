@@ -8,7 +8,7 @@ _CLEAR = "exo clear-errors"
 _AGAIN = Hint("run {}. If it comes back, power-cycle the hand, then contact the vendor", _CLEAR)
 
 REMEDIES = {
-    "over_temperature": Remedy("the actuator is too hot. It clears by itself as it cools", "release the finger and let it cool: no command clears this", "exo §2.3.3"),
+    "over_temperature": Remedy("the actuator is too hot. It clears by itself as it cools", "release the finger and let it cool: no command clears over_temperature", "exo §2.3.3"),
     "locked_rotor": Remedy("the actuator was driven and did not turn", Hint("free the finger, then run {}", _CLEAR), "exo §2.3.3"),
     "over_current": Remedy("the actuator drew too much current", Hint("take the load off the finger, then run {}", _CLEAR), "exo §2.3.3"),
     "motor_abnormal": Remedy("the motor does not run as it should", _AGAIN, "exo §2.3.3"),

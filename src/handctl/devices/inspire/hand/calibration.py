@@ -6,9 +6,8 @@ meanwhile, and nothing stops it but the power.
 
 from __future__ import annotations
 
-from handctl.devices.inspire.calibration import wait_for_calibration
+from handctl.devices.inspire.calibration import calibration_result, wait_for_calibration
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.id_baud_save_reset import outcome
 from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.errors import Hint
 from handctl.model.param import elements_of
@@ -38,15 +37,15 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
         lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
         prompts.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
         seconds = LISTEN if bus.reports else WAIT
-        reported = wait_for_calibration(bus, prompts, seconds) is not None
-    if lost is not None and not reported:
+        frame = wait_for_calibration(bus, prompts, seconds)
+    if lost is not None and frame is None:
         raise lost.reworded(
             f"the calibration may have started. Its start was not acknowledged: {lost.text}",
             hint=Hint(f"{POWER_OFF} Wait until the hand has stopped moving, then check with {{}}", "hand status"),
         )
-    if reported:
+    if frame is not None and frame.data == b"\0":
         hand.journal.ledger.confirm("its end was reported", since=begun)
-    else:
+    elif frame is None:
         bus.out_of_time("the end of the calibration, which is still running", "its end")
         hand.journal.warn(
             "no-completion",
@@ -55,11 +54,14 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
             else "this connection has no frame that reports the end of a calibration, so handctl checks the forces instead",
             hint="check force_actual: an unloaded hand reads about 0 g",
         )
-    after = hand.read(elements_of(hand.map["force_actual"]))
-    ended = outcome(hand, register, "completed" if reported else "not reported", None)
+    after = hand.read([one for name in ("force_actual", "error") for one in elements_of(hand.map[name])])
+    table = calibration_result(hand, register, frame, after)
     was = {reading.element.part: reading.value for reading in before}
-    rows = [{**hand.row(reading), "before": was.get(reading.element.part)} for reading in after]
-    off = [reading.element.part for reading in after if reading.value is None or abs(reading.value) > RESTING]
+    for row in table.rows:
+        if row["name"] == "force_actual":
+            row["before"] = was.get(row["finger"])
+    forces = [reading for reading in after if reading.element.param.name == "force_actual"]
+    off = [reading.element.part for reading in forces if reading.value is None or abs(reading.value) > RESTING]
     if off:
         hand.journal.warn(
             "loaded",
@@ -67,4 +69,4 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
             hint="make sure nothing touches the fingers, then calibrate again",
         )
     hand.journal.info("volatile", "no manual says whether a calibration survives power-off without a save")
-    return Table(rows=[*ended.rows, *rows], columns=hand.columns)
+    return table

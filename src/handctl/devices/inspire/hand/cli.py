@@ -5,7 +5,7 @@ Each body key_checks its arguments, asks a device, returns a Table.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from shutil import get_terminal_size
 from typing import TYPE_CHECKING, Any
 
@@ -366,30 +366,58 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedActio
 
     The values are checked against the documented ranges before anything is sent."""
     from handctl.devices.inspire import raw as by_number
-    from handctl.devices.inspire.hand import motion
     from handctl.devices.inspire.hand import raw as hand_raw
 
     payload, planner = by_number.parse_hex(data), run.planner()
     place = address_in(address) * planner.bus.per
-    step = hand_raw.plan_write(planner, place, payload, undocumented)
-    question, shown = f"This writes to the hand: {step.meaning}", None
 
-    def look(hand: Hand) -> Asked:
+    def plan(hand: Hand) -> list[Step]:
+        return [hand_raw.plan_write(hand, place, payload, undocumented)]
+
+    return write_bytes(planner, place, payload, plan, by_number.write)
+
+
+def write_bytes(
+    planner: Hand,
+    place: int,
+    data: bytes,
+    plan: Callable[[Hand], list[Step]],
+    write: Callable[[Hand, int, bytes], Table],
+    hand_of: Callable[[Any], Hand] = lambda device: device,
+) -> PlannedAction:
+    """Write bytes into the registers of an RH56 hand. Asks, with the fingers that this moves or lets go.
+
+    place    the first address, in bytes
+    plan     its frames, by what the hand is known to be
+    write    sends them and reads back
+    hand_of  the hand of the device of this command
+    """
+    from handctl.devices.inspire import raw as by_number
+    from handctl.devices.inspire.hand import motion
+
+    steps, shown = plan(planner), None
+    question = f"This writes to the hand: {', then '.join(step.meaning for step in steps)}"
+
+    def look(device: Any) -> Asked:
         nonlocal shown
+        hand = hand_of(device)
         hand.confirm_identity()
-        changes = by_number.changes_of(hand.map, place, payload)
-        if step.moves:
-            asked, shown = motion.question(hand, changes, motion.fit_to_move(hand))
+        asked, changes = question, by_number.changes_of(hand.map, place, data)
+        if any(step.moves for step in steps):
+            before = motion.fit_to_move(hand)
+            if changes:
+                asked, shown = motion.question(hand, changes, before)
         else:
             asked, shown = motion.releasing(hand, changes, question)
-        return Asked(asked, [hand_raw.plan_write(hand, place, payload, undocumented)], shown)
+        return Asked(asked, plan(hand), shown)
 
-    def act(hand: Hand) -> Table:
+    def act(device: Any) -> Table:
+        hand = hand_of(device)
         if shown is not None:
             hand.will_move()
-        return by_number.write(hand, place, payload)
+        return write(hand, place, data)
 
-    return PlannedAction([step], act, question, look=look)
+    return PlannedAction(steps, act, question, look=look)
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)

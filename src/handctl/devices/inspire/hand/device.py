@@ -20,6 +20,7 @@ from handctl.devices.inspire.hand.register_map import (
     IP_ADDRESS,
     MAPS,
     NO_MOVE_STATUS,
+    OF_BYTES,
     OVER_TEMPERATURE,
     TOO_HOT_TO_MOVE,
     HandRegister,
@@ -46,12 +47,13 @@ SETPOINT_PAIRS = (
 )
 """Counts within which a finger has arrived: it may stop short without a fault (rh56 §6). 0 is open as a stroke, closed as an angle."""
 RELEASES = (
-    Release("speed_set", "speed_set", lambda now, new: now == 0 and new > 0),
+    Release("speed_set", "speed_set", lambda _, new: new > 0),
     Release("force_limit", "force_limit", lambda now, new: new > now, closing=True),
     Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),
 )
-"""A target that was written while the speed was 0 waits for the next speed; a closing finger that met the limit for a
-higher one, one with an error for the clearing (rh56, "Movement is a matter of state")."""
+"""A target that a finger has not reached waits for the next speed: it may have been written while the speed was 0, or be still on
+its way; a closing finger that met the limit waits for a higher one, one with an error for the clearing (rh56, "Movement is a
+matter of state")."""
 
 
 class Hand(RegisterDevice):
@@ -201,8 +203,7 @@ class Hand(RegisterDevice):
     @property
     def has(self) -> list[HandRegister]:
         """The registers that this generation has."""
-        model = self._known
-        return [one for one in self.map if model in one.models or (model is None and one.models == (DF, TP))]
+        return list(OF_BYTES) if self._known is None else [one for one in self.map if self._known in one.models]
 
     def further(self, identity: dict[str, object]) -> Collection[str]:
         """Settings that not every generation has."""
@@ -373,7 +374,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         if param.name == "error" and value:
             text = f"{part}: {param.label(value)} (0x{int(value):02X})"
             if int(value) & OVER_TEMPERATURE:
-                text += f", ends by cooling, now {at.get(f'temperature.{part}')} °C"
+                text += f". over_temperature goes away as it cools, now {at.get(f'temperature.{part}')} °C"
             if at.get(f"status.{part}") in NO_MOVE_STATUS:
                 text += f", status {at[f'status.{part}']}"
             found.append(Finding(text, tuple((param.label(value) or "").split(", "))))

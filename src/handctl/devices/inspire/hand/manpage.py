@@ -23,7 +23,7 @@ EXAMPLES = (
         "Show the bytes that move the index finger only, and send nothing.",
     ),
     ("handctl hand position -1 -1 -1 500 -1 -1 -n --fake", "Show the bytes and send nothing."),
-    ("handctl hand speed 100 100 100 100 100 100 --fake", "Make the next movement slow."),
+    ("handctl hand speed 100 100 100 100 100 100 -p /dev/ttyUSB0", "Make the next movement slow."),
     ("handctl hand force 200 200 200 200 200 200 --fake", "Make a closing finger stop at 200 g."),
     ("handctl hand set speed_set.index=300 -n --fake", "Show the bytes and send nothing."),
     *settings_examples("hand", 921600),

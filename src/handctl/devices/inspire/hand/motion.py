@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
 from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, NO_TEMPERATURE, TOO_HOT_TO_MOVE
-from handctl.devices.inspire.register_device import Movement
+from handctl.devices.inspire.register_device import BEGINS, Movement
 from handctl.devices.inspire.register_map import ALONE, pushes
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
@@ -24,7 +24,7 @@ from handctl.model.stop_on_interrupt import on_early_end
 MOVED = {course.target: course.actual for course in SETPOINT_PAIRS}
 """What is commanded -> what shows where it is."""
 NEAR = {course.target: course.near for course in SETPOINT_PAIRS}
-STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1)
+STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1, short=BEGINS)
 """The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5). Where a finger
 stands and its status says that it moves, the hand gets a second to report what holds it."""
 SLOWEST_CHANGE = 3 / 1.25
@@ -143,10 +143,16 @@ def move(
     """
     hand.identify()
     targets = {element.part or "": value for element, value in changes if value != ALONE}
+    gripping = {part for part in targets if (before or {}).get(f"status.{part}") == FORCE_REACHED}
 
     def seen(readings: Sequence[Reading]) -> dict[str, AxisReading]:
         at = {reading.element.full_name: reading for reading in readings}
-        return {part: _seen(at[f"{MOVED[group]}.{part}"], at[f"status.{part}"]) for part in targets}
+        # the code of the movement before says nothing of this one
+        gripping.difference_update([part for part in gripping if at[f"status.{part}"].value != FORCE_REACHED])
+        return {
+            part: _seen(at[f"{MOVED[group]}.{part}"], at[f"status.{part}"], fresh=part not in gripping)
+            for part in targets
+        }
 
     this = Movement(
         [_goal(group, part, target, before) for part, target in targets.items()],
@@ -164,11 +170,11 @@ def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
     return Goal(part, target, NEAR[group], speed, SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0)
 
 
-def _seen(place: Reading, status: Reading) -> AxisReading:
-    """A finger by its place and its status code."""
+def _seen(place: Reading, status: Reading, *, fresh: bool) -> AxisReading:
+    """A finger by its place and its status code; `fresh`: the code has changed since the command."""
     code = None if status.value is None else int(status.value)
     blocked = status.element.param.label(code) or "" if code in NO_MOVE_STATUS else ""
-    contact = status.element.param.label(code) or "" if code == FORCE_REACHED else ""
+    contact = status.element.param.label(code) or "" if code == FORCE_REACHED and fresh else ""
     return AxisReading(place.value, None if code is None else code in MOVING, blocked, contact)
 
 

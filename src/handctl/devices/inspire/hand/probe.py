@@ -190,7 +190,8 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
     for part, code in held.get("status", {}).items():
         if code in NO_MOVE_STATUS or code == EMERGENCY:
             found.setdefault(part, []).append(f"status {code}, {STATUS[code]}")
-            keys.append(STATUS[code])
+            if not held.get("error", {}).get(part):  # its bits say more
+                keys.append(STATUS[code])
     for part, bits in held.get("error", {}).items():
         if bits:
             found.setdefault(part, []).append(f"error 0x{bits:02X}")

@@ -5,12 +5,13 @@ What no command sends is refused here too: what starts a stored movement, and wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain_bytes import InspireExplainer
-from handctl.devices.inspire.hand.register_map import BYTE_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, OF_BYTES, HandRegister
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.errors import UsageError
 from handctl.link import ByteLink, CanFrame
@@ -30,7 +31,7 @@ What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
 
 def plan_write(hand: Hand, address: int, data: bytes, undocumented: bool) -> Step:
     """Check a write at a byte address against the map. Raises UsageError."""
-    if any(_never(hand, place) for place in range(address, address + len(data))):
+    if any(_never(hand.has, hand.bus.per, place) for place in range(address, address + len(data))):
         raise UsageError(
             f"{address // hand.bus.per} is among triggers, gestures or sequences, which start movements or resets on some generations",
             hint="handctl never writes there (rh56 §9). Nothing was sent.",
@@ -39,10 +40,9 @@ def plan_write(hand: Hand, address: int, data: bytes, undocumented: bool) -> Ste
     return by_number.plan_write(hand, address, data, undocumented)
 
 
-def _never(hand: Hand, place: int) -> bool:
+def _never(has: Sequence[HandRegister], unit: int, place: int) -> bool:
     """Whether this byte is not documented here, and starts something on some generation."""
-    unit = hand.bus.per
-    documented = any(place in register.span for register in hand.has)
+    documented = any(place in register.span for register in has)
     return not documented and any(place // unit in span for span in NEVER[unit])
 
 
@@ -69,11 +69,15 @@ def plan(hand: Hand, data: bytes, force: bool) -> Step:
     if mode and (mode == TCP) != tcp:
         other = "Modbus TCP" if mode == TCP else "a serial line"
         raise UsageError(f"this is a frame for {other}, but this LINK is not", hint="choose another LINK with -p")
-    words = "; ".join(piece.meaning for piece in InspireExplainer(hand.map).decode(data, HOST))
+    pieces = InspireExplainer(hand.map).decode(data, HOST)
+    words = "; ".join(piece.meaning for piece in pieces)
     if only_reads(pdu_of(data, mode)) if mode else eb90.only_reads(data):
         return Step(words, data)
     if not force:
-        _refuse(hand, repaired(data))
+        frames = [repaired(raw) for raw in (data, *(piece.raw for piece in pieces[1:]))]
+        for frame in frames:
+            if len(frames) == 1 or not eb90.only_reads(frame):
+                _refuse(hand, frame)
     return Step(words, data, moves=True, strands=True)
 
 
@@ -84,7 +88,7 @@ def plan_can(hand: Hand, frame: CanFrame) -> Step:
     if can_frames.only_reads(frame.can_id, frame.data):
         return Step(piece.meaning, frame.data, can_id=frame.can_id)
     if access.writes:
-        _refuse_write(hand, access.hand_id, access.address, frame.data)
+        refuse_write(access.hand_id, access.address, frame.data, hand)
     return Step(piece.meaning, frame.data, moves=True, strands=True, can_id=frame.can_id)
 
 
@@ -114,18 +118,23 @@ def _refuse(hand: Hand, frame: bytes) -> None:
         raise by_number.refused(f"flag {frame[4]:02X} is not a flag of these hands")
     else:
         return
-    _refuse_write(hand, number, address, data)
+    refuse_write(number, address, data, hand)
 
 
-def _refuse_write(hand: Hand, number: int, address: int, data: bytes) -> None:
-    unit = hand.bus.per
-    if not 1 <= number <= 254:
+def refuse_write(number: int | None, address: int, data: bytes, hand: Hand | None = None) -> None:
+    """Refuse a write that resets, starts a stored movement, or holds a value out of range. Raises UsageError.
+
+    number  the id that it is for, None where the wire has other ones
+    hand    the hand that decides where its registers are; None = one of the generations that count bytes
+    """
+    params, unit, has = (hand.map, hand.bus.per, hand.has) if hand is not None else (BYTE_MAP, 1, OF_BYTES)
+    if number is not None and not 1 <= number <= 254:
         raise by_number.refused(f"id {number} is not an id of a hand", code="out-of-range")
     for place in range(address * unit, address * unit + len(data)):
-        if place in hand.map["factory_reset"].span or _never(hand, place):
+        if place in params["factory_reset"].span or _never(has, unit, place):
             text = f"{place // unit} resets the hand or starts a stored movement on some generations"
             raise by_number.refused(text, code="never")
-    by_number.check_values(hand.map, address * unit, data)
+    by_number.check_values(params, address * unit, data)
 
 
 def exchange(hand: Hand, data: bytes, wait: float) -> Table:

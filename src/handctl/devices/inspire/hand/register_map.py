@@ -94,6 +94,8 @@ BYTE_MAP: ParamMap[Any] = ParamMap("hand", [
 ])
 # fmt: on
 """DF and TP (rh56 §3.1)."""
+OF_BYTES = tuple(one for one in BYTE_MAP if one.models == (DF, TP))
+"""What a hand that counts bytes has, whichever of the two it is."""
 
 
 _LIKE = (

@@ -10,7 +10,7 @@ _UNLOAD = Hint("take the load off the finger, then run {}", _CLEAR)
 _FREE = Hint("free the finger, then run {}", _CLEAR)
 
 REMEDIES = {
-    "over_temperature": Remedy("the actuator is too hot. It clears by itself as it cools", "let the finger rest and cool: no command clears this", "rh56 §3.1"),
+    "over_temperature": Remedy("the actuator is too hot. It clears by itself as it cools", "let the finger rest and cool: no command clears over_temperature", "rh56 §3.1"),
     "hot": Remedy(f"{TOO_HOT_TO_MOVE} °C or more: handctl does not move the hand", "let the finger rest and cool", "rh56 §9"),
     STATUS[8]: Remedy("the emergency stop is active", "release the emergency stop with the program that set it (register 1131)", "rh56 §3.2"),
     "locked_rotor": Remedy("the actuator was driven and did not turn", _FREE, "rh56 §3.1"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -147,18 +148,22 @@ def write(run: Run, address: str, data: str) -> PlannedAction:
 @cli.verb("hand-write", "Service", writes=True, asks=True)
 @click.argument("address")
 @click.argument("data", metavar="HEX")
+@verbs.UNDOCUMENTED
 @FORCE
-def hand_write(run: Run, address: str, data: str, force_ambiguous: bool) -> PlannedAction:
-    """Write bytes to registers of the hand, not of the wrist. Asks first.
+def hand_write(run: Run, address: str, data: str, undocumented: bool, force_ambiguous: bool) -> PlannedAction:
+    """Write bytes to registers of the hand, not of the wrist, and read them back. Asks first.
 
-    The wrist manual does not document these registers."""
+    Refuses and asks the same as `write` of `handctl hand`: the wrist manual does not document these registers."""
     from handctl.devices.inspire import raw as by_number
+    from handctl.devices.inspire.hand.cli import write_bytes
     from handctl.devices.inspire.wrist import raw as wrist_raw
 
-    place, payload = address_in(address), by_number.parse_hex(data)
-    steps = wrist_raw.plan_hand_writes(run.planner(), place, payload, force_ambiguous)
-    question = f"This changes the hand, not the wrist: {', then '.join(step.meaning for step in steps)}"
-    return PlannedAction(steps, lambda wrist: wrist_raw.hand_write(wrist, place, payload), question)
+    place, payload, planner = address_in(address), by_number.parse_hex(data), run.planner()
+    hand_of = cache(wrist_raw.carrier)
+    plan = partial(
+        wrist_raw.plan_hand_writes, address=place, data=payload, force=force_ambiguous, undocumented=undocumented
+    )
+    return write_bytes(hand_of(planner), place, payload, plan, wrist_raw.hand_write, hand_of)
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)

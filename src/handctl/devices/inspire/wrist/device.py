@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from handctl.devices.inspire.register_device import Movement, RegisterDevice
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice
 from handctl.devices.inspire.register_map import pushes, register_of
 from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import UsageError
@@ -21,7 +21,7 @@ from handctl.model.result import Cell, Finding, Grid, Row, Table
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
 ARRIVED_DEGREES = 0.5
-STILL = Stillness(samples=3, seconds=0.3, refresh=0.03)
+STILL = Stillness(samples=3, seconds=0.3, refresh=0.03, short=BEGINS)
 ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"))
 SHORT = 40
 """Characters of a remark that fit beside a value."""

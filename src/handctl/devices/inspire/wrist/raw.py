@@ -8,20 +8,21 @@ from __future__ import annotations
 from itertools import pairwise
 
 from handctl.devices.inspire import can_frames, eb90
+from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.can_bus import CanBus, related
-from handctl.devices.inspire.duplicate_id import identify_alone
-from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.explain_bytes import CAN_MISPRINTS, MISPRINTS, InspireExplainer
+from handctl.devices.inspire.hand import raw as hand_raw
+from handctl.devices.inspire.hand.detect_generation import ModelGate
+from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.raw import RAW_COLUMNS, changes_of, check_values, judge_read_back, nameless, refused
+from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
-from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.register_map import WRIST
-from handctl.errors import Aftermath, NoAnswer, ProtocolError, UsageError
+from handctl.errors import DeviceRefused, UsageError
 from handctl.link import CanFrame
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
 from handctl.model.result import Row, Table, hex_bytes
-from handctl.wording import plural
 
 CAN_COLUMNS = tuple(column for column in RAW_COLUMNS if column.key not in ("flag", "raw"))
 WRITE_SIZES = (2, 4, 6)
@@ -88,9 +89,12 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
     explained = misprint(data)
     if explained is not None and only_explain:
         return Step(explained, data, moves=True)
-    piece, *more = InspireExplainer(WRIST).decode(data, HOST)
+    pieces = InspireExplainer(WRIST).decode(data, HOST)
+    piece, *more = pieces
     unknown = "this is not a complete read or write, so its effect on the device is unknown"
-    if more or not piece.frame or not data.startswith(eb90.HOST):
+    if more and explained is None:
+        return by_number.several(data, pieces, lambda frame: plan_raw(frame, force))
+    if not piece.frame or not data.startswith(eb90.HOST):
         return Step(explained or unknown, data, moves=True, strands=True)
     frame, said = eb90.Frame(data[:2], data[2], data[4], data[5:-1]), explained or piece.meaning
     flag, address, values = frame.flag, frame.address, frame.data
@@ -106,6 +110,8 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
     if flag == eb90.WRITE and touches_shared(address or 0, len(values)) and not force:
         text = f"flag 12 at {address} writes current limits or power-on speeds of the hand, not the wrist"
         raise refused(text, "use flag 31 for the wrist.")
+    if flag == eb90.WRITE and address is not None and not force:
+        hand_raw.refuse_write(frame.id, address, values)
     return Step(said if flag == eb90.WRITE else explained or unknown, data, moves=True, strands=True)
 
 
@@ -142,6 +148,8 @@ def plan_can(frame: CanFrame, force: bool, *, only_explain: bool = False) -> Ste
     if access.flag == can_frames.WRITE_HAND and touches_shared(access.address, len(frame.data)) and not force:
         text = f"this writes address {access.address} of the hand: current limits or power-on speeds, not the wrist"
         raise refused(text, "use flag 5 for the wrist.")
+    if access.flag == can_frames.WRITE_HAND and not force:
+        hand_raw.refuse_write(None, access.address, frame.data)
     reads = can_frames.only_reads(frame.can_id, frame.data)
     (piece,) = InspireExplainer(WRIST).sent(frame.data, frame.can_id)
     strands = not reads and access.flag != can_frames.WRITE_WRIST
@@ -190,24 +198,46 @@ def exchange_can(wrist: RegisterDevice, frame: CanFrame, wait: float) -> Table:
 # -- the hand that carries it -----------------------------------------------------------------------------------------
 
 
-def hand_bus(wrist: RegisterDevice) -> SerialBus | CanBus:
-    """A bus to the hand's own registers, through flags 11/12 or CAN flags 0/1."""
-    bus = wrist.bus.at("hand")
-    assert isinstance(bus, SerialBus | CanBus)
-    return bus
+class Carrier(Hand):
+    """The hand that carries a wrist. That the wrist replies shows who it is; its generation decides where its registers are."""
+
+    def know(self) -> None:
+        """`identify` has found out, as far as the hand shows its generation; `handctl wrist` has no --model."""
+
+    def identify(self) -> None:
+        """As every hand, on a wrist only. Raises DeviceRefused for a generation that counts words: its registers are elsewhere (rh56 §3.2)."""
+        self.bus.identify()
+        super().identify()
+        if self.bus.per != 1:
+            raise DeviceRefused(
+                f"{self.bus.where}: {self.found().words} has its registers at other addresses",
+                hint=f"use `handctl hand write --model {self.about['model']}`, which knows them. Nothing was written.",
+                code="other-model",
+            )
+
+
+def carrier(wrist: RegisterDevice) -> Carrier:
+    """The hand's own registers, through flags 11/12 or CAN flags 0/1."""
+    bus, assumed = wrist.bus.at("hand"), wrist.bus.gate is not None and wrist.bus.gate.assumed
+    gate = ModelGate(None, assumed)
+    gate.assumed = assumed
+    return Carrier(bus, gate)
 
 
 def hand_read(wrist: RegisterDevice, address: int, count: int) -> Table:
     """Bytes of the hand's own space, raw: its manual is another one."""
-    return _hand_row(wrist, address, hand_bus(wrist).read(address, count), "hand space")
+    return _hand_row(wrist, address, wrist.bus.at("hand").read(address, count))
 
 
-def _hand_row(wrist: RegisterDevice, address: int, data: bytes, label: str) -> Table:
-    return Table(rows=[nameless(address, data, label)], columns=wrist.columns, plain=("raw",))
+def _hand_row(device: RegisterDevice, address: int, data: bytes) -> Table:
+    return Table(rows=[nameless(address, data, "hand space")], columns=device.columns, plain=("raw",))
 
 
-def plan_hand_write(wrist: RegisterDevice, address: int, data: bytes, force: bool) -> Step:
-    """A write into the hand's space; refused where the wrist's own registers would lie. Raises UsageError."""
+def plan_hand_writes(hand: Hand, address: int, data: bytes, *, force: bool, undocumented: bool) -> list[Step]:
+    """A write into the hand's space, in as many frames as the wire needs: 8 bytes each on CAN (wrist §2.3.2).
+
+    What `handctl hand write` refuses is refused, and so is what lies where the wrist has its own registers. Raises UsageError.
+    """
     if touches_shared(address, len(data)) and not force:
         raise UsageError(
             f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
@@ -216,30 +246,20 @@ def plan_hand_write(wrist: RegisterDevice, address: int, data: bytes, force: boo
             ),
             code="ambiguous",
         )
-    if EXO["id"].address in range(address, address + len(data)):
-        eb90.check_id(data[EXO["id"].address - address])
-    step = hand_bus(wrist).write_step(
-        address, data, f"write {hex_bytes(data)} at {address} of the hand, undocumented here"
-    )
-    return step._replace(moves=True, strands=True)
+    return [_planned(hand, place, part, force, undocumented) for place, part in _in_frames(hand.bus, address, data)]
 
 
-def plan_hand_writes(wrist: RegisterDevice, address: int, data: bytes, force: bool) -> list[Step]:
-    """The same in as many frames as the wire needs: 8 bytes each on CAN (wrist §2.3.2). Raises UsageError.
-
-    What spans frames must not change the id, nor start anything: the frames behind it would meet another state.
-    """
-    pieces = _in_frames(hand_bus(wrist), address, data)
-    alone = {register.address for register in EXO if register.trigger} | {EXO["id"].address}
-    if len(pieces) > 1 and (found := sorted(alone & set(range(address, address + len(data))))):
-        raise UsageError(
-            f"address {found[0]} of the hand is its id or starts an action. On CAN, handctl does not write it as part of {plural(len(data), 'byte')}",
-            hint="write it with a command of its own. Nothing was sent.",
-        )
-    return [plan_hand_write(wrist, place, part, force) for place, part in pieces]
+def _planned(hand: Hand, address: int, data: bytes, force: bool, undocumented: bool) -> Step:
+    try:
+        return hand_raw.plan_write(hand, address, data, undocumented)
+    except UsageError as exc:
+        if not (force and exc.code == "out-of-range" and touches_shared(address, len(data))):
+            raise
+        meaning = f"write {hex_bytes(data)} at {address} of the hand, although {exc.text}"
+        return hand.bus.write_step(address, data, meaning)._replace(strands=True)
 
 
-def _in_frames(bus: SerialBus | CanBus, address: int, data: bytes) -> list[tuple[int, bytes]]:
+def _in_frames(bus: RegisterBus, address: int, data: bytes) -> list[tuple[int, bytes]]:
     """The pieces of a write, each one frame; they meet at even addresses, so that no register of 2 bytes is cut."""
     if not isinstance(bus, CanBus) or len(data) <= can_frames.MAX_COUNT:
         return [(address, data)]
@@ -249,19 +269,12 @@ def _in_frames(bus: SerialBus | CanBus, address: int, data: bytes) -> list[tuple
     return [(address + start, data[start:end]) for start, end in pairwise(starts)]
 
 
-def hand_write(wrist: RegisterDevice, address: int, data: bytes) -> Table:
-    """Write into the hand's space once, and read back; what starts something there is not read back (RH56 §2.4).
-
-    Each frame is acknowledged and read back before the next is sent. A new id is looked for under that id.
-    Raises Interrupted on Ctrl-C, which takes nothing back.
-    """
-    bus = hand_bus(wrist)
-    with wrist.bus.on_early_end(
-        f"{hex_bytes(data)} may be written at {address} of the hand", "`handctl wrist hand-read` shows it"
-    ):
+def hand_write(hand: Hand, address: int, data: bytes) -> Table:
+    """Write into the hand's space once, and read back, each frame before the next. Raises Interrupted, after a stop."""
+    with by_number.stopped_by_ctrl_c(hand, address, data):
         now: list[str] = []
-        for place, part in _in_frames(bus, address, data):
-            table = _hand_write(wrist, bus, place, part)
+        for place, part in _in_frames(hand.bus, address, data):
+            table = _hand_write(hand, place, part)
             now.append(table.rows[0]["raw"])
             if table.failure is not None:
                 if rest := address + len(data) - place - len(part):
@@ -271,42 +284,11 @@ def hand_write(wrist: RegisterDevice, address: int, data: bytes) -> Table:
         return table
 
 
-def _hand_write(wrist: RegisterDevice, bus: SerialBus | CanBus, address: int, data: bytes) -> Table:
-    bytes_at = dict(enumerate(data, address))
-    starts = [register.name for register in EXO if register.trigger and bytes_at.get(register.address) == 1]
-    new = bytes_at.get(EXO["id"].address, bus.id)
-    if starts or new != bus.id:
-        identify_alone(wrist)
-    then = "handctl does not read it back, because it starts an action" if starts else "handctl reads it back"
-    lost = bus.try_write(address, data, "the write", then, acknowledged_by=(new,))
-    if lost is not None and starts:
-        lost.add_aftermath(Aftermath(hint=f"it may still have started {', '.join(starts)}", joint=". "))
-        raise lost
-    if starts:
-        bus.journal.info(
-            "not-read-back", f"accepted, but not read back: on the RH56 hand, this write starts {', '.join(starts)}"
-        )
-        return _hand_row(wrist, address, data, "written")
-    now = bus.read_back(lambda: _read_with_either_id(bus, address, len(data), new), data.__eq__)
-    table = _hand_row(wrist, address, now, "hand space")
+def _hand_write(hand: Hand, address: int, data: bytes) -> Table:
+    bus = hand.bus
+    bus.try_write(address, data, "the write", "handctl reads it back")
+    now = bus.read_back(lambda: bus.read(address, len(data)), data.__eq__)
+    table = _hand_row(hand, address, now)
     again = f"wrist hand-read {address} {len(data)}"
-    judge_read_back(bus, table, bus.write_step(address, data, ""), f"{address} of the hand", data, now, again)
-    if now == data and bus.id != wrist.bus.id:
-        bus.journal.warn(
-            "new-id",
-            f"the hand and its wrist now respond to id {bus.id} until power-off",
-            hint=f"use --id {bus.id}",
-        )
+    judge_read_back(hand, table, bus.write_step(address, data, ""), f"{address} of the hand", data, now, again)
     return table
-
-
-def _read_with_either_id(bus: SerialBus | CanBus, address: int, count: int, new: int) -> bytes:
-    """What stands there now, read through the id `new`, or through the old one when nobody has that."""
-    old, bus.id = bus.id, new
-    try:
-        return bus.read(address, count)
-    except (NoAnswer, ProtocolError):
-        if new == old:
-            raise
-        bus.id = old
-        return bus.read(address, count)
