@@ -118,7 +118,7 @@ def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
         return [(0.0, reply_to(request, bytes(memory)))]
 
     link.answer = answer
-    table = procedures.calibrate(hand_on(link), Prompts())
+    table = calibration.calibrate(hand_on(link), Prompts())
     assert table.rows[0]["value"] == value
     assert (table.failure.code if table.failure else None) == code
     assert table.failure is None or table.failure.exit_code == 7
