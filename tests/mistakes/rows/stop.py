@@ -5,6 +5,7 @@ from tests.mistakes.table import mistake
 EXO = "handctl.devices.inspire.exo.stopper"
 WRIST = "handctl.devices.inspire.wrist.stopper"
 TALK = "handctl.model.stop_sequence"
+REQUESTS = "handctl.devices.inspire.stop_requests"
 MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 
 ROWS = (
@@ -76,10 +77,65 @@ ROWS = (
         "evidence believed",
         EXO,
         "stop_steps",
-        "places = eb90.unpack_s16(heard.found.payload)[:FINGERS]",
-        "places = [0] * FINGERS",
+        "places = eb90.unpack_s16(heard.found.payload)[: len(FINGERS)]",
+        "places = [0] * len(FINGERS)",
         MATRIX,
         "tests/stop/test_stop_sequence.py::test_a_hold_that_is_not_acknowledged_is_no_stop",
+    ),
+    mistake(
+        "stop-lets-every-finger-go-on-for-one",
+        "stop not sent",
+        EXO,
+        "hold",
+        "places = [ALONE if target is None else target for target in targets]",
+        "places = [ALONE if None in targets else target for target in targets]",
+        "tests/stop/test_standstill.py::test_an_exo_holds_each_finger_that_reads_a_position",
+    ),
+    mistake(
+        "stop-sends-a-finger-to-an-end-that-it-does-not-read",
+        "clamped instead of refused",
+        REQUESTS,
+        "hold_target",
+        "return target if abs(reading - target) <= near else None",
+        "return target",
+        "tests/stop/test_standstill.py::test_an_exo_holds_each_finger_that_reads_a_position",
+        "tests/stop/test_standstill.py::test_a_wrist_holds_each_axis_that_reads_an_angle",
+    ),
+    mistake(
+        "stop-of-one-axis-at-the-register-of-the-other",
+        "wrong address",
+        WRIST,
+        "stop_steps",
+        'first = WRIST[f"{held[-1][0]}_set"].address',
+        "first = ANGLES_SET",
+        "tests/stop/test_standstill.py::test_a_wrist_holds_each_axis_that_reads_an_angle",
+    ),
+    mistake(
+        "stop-of-an-axis-that-was-not-held-is-a-success",
+        "evidence believed",
+        REQUESTS,
+        "Axes.judge",
+        "return Stopped(text, stopped.hint or power, stopped.error or CheckFailed)",
+        "return stopped",
+        "tests/stop/test_standstill.py::test_an_exo_holds_each_finger_that_reads_a_position",
+    ),
+    mistake(
+        "stop-slow-movement-taken-for-rest",
+        "evidence believed",
+        "handctl.model.movement",
+        "stands",
+        "return abs(now - before) <= jitter",
+        "return abs(now - before) <= 5 * jitter",
+        "tests/stop/test_standstill.py::test_what_moves_slowly_behind_a_stop_is_seen",
+    ),
+    mistake(
+        "stop-silence-behind-it-is-standstill",
+        "evidence believed",
+        TALK,
+        "not_seen_again",
+        'return Stopped(text, "switch the power off if the device still moves", NoAnswer)',
+        "return stopped",
+        "tests/stop/test_standstill.py::test_a_device_that_is_not_seen_again_is_no_success",
     ),
     mistake(
         "stop-cut-off-by-a-sleeping-reader",
@@ -102,10 +158,10 @@ ROWS = (
     mistake(
         "stop-not-looked-at-again",
         "evidence believed",
-        "handctl.devices.inspire.stop_requests",
-        "seen_since",
+        REQUESTS,
+        "check_again",
         "told = yield from targets()",
-        'return ""\ntold = yield from targets()',
+        "return stopped, []\ntold = yield from targets()",
         MATRIX,
     ),
     mistake(
