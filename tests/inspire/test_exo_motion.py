@@ -107,7 +107,7 @@ def test_interrupted_calibration_says_that_it_goes_on(moment: float) -> None:
     link.interrupt_at = moment
     with pytest.raises(HandctlError) as caught:
         procedures.calibrate(hand_on(link), Prompts())
-    assert caught.value.exit_code == 130
+    assert (caught.value.exit_code, caught.value.code) == (6, NOT_STOPPED), "no stop was acknowledged: it goes on"
     assert "still calibrating" in caught.value.text
     assert [hexed(request) for request in link.sent] == [CALIBRATE]
 

@@ -13,7 +13,7 @@ from _thread import RLock
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
+from handctl.errors import STOPPED, DeviceRefused, HandctlError, Interrupted, LinkError
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
@@ -193,6 +193,8 @@ class DeviceAccess:
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = stopped_at(self._run, self.link, sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
+        if (left := self._run.prompts.goes_on()) is not None:
+            stopped = Stopped(f"{stopped.text}. But {left.text}", left.hint, stopped.error or DeviceRefused)
         self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"

@@ -21,6 +21,7 @@ from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageE
 from handctl.files import atomic_write, read_text, writing
 from handctl.interrupts import was_interrupted
 from handctl.model.result import Table
+from handctl.model.stop_on_interrupt import ended_by_interrupt
 from handctl.wording import plural
 
 
@@ -196,7 +197,7 @@ def _run(run: Run, lines: Sequence[ScriptLine], *, keep_going: bool) -> Table | 
             error = _carried_out(one, session, run)
             if error is not None:
                 failed.append((one, error))
-            if error is not None and not (keep_going and error.exit_code != Interrupted.exit_code):
+            if error is not None and not (keep_going and not ended_by_interrupt(error)):
                 break
     finally:
         error = session.close(run.journal)

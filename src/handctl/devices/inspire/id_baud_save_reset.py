@@ -9,6 +9,7 @@ hardware is said.
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
@@ -16,11 +17,12 @@ from handctl.devices.inspire.duplicate_id import identify_alone, naming_duplicat
 from handctl.devices.inspire.register_bus import FLOOD, POWER_OFF, RegisterBus
 from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.serial_bus import SerialBus
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.param import Element, Reading, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.stop_on_interrupt import no_stop_ends_it
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.register_device import RegisterDevice
@@ -274,6 +276,12 @@ def wait_for_speed(hand: RegisterDevice, rate: int, prompts: Prompts, *, seconds
 
 
 # -- calibration --------------------------------------------------------------------------------------------------
+
+
+def calibrating(hand: RegisterDevice, prompts: Prompts) -> AbstractContextManager[None]:
+    """Around the start of a calibration and the wait for its end: no command stops it (exo §2.3.6, rh56 §9)."""
+    left = Aftermath("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration")
+    return no_stop_ends_it(left, prompts, hand.journal.counters)
 
 
 def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, more: str = "") -> eb90.Frame | None:

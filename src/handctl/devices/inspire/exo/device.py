@@ -360,13 +360,13 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     """Start the calibration of the worn hand and stay silent until it reports, at most 30 s (exo §2.3.6).
 
     Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
-    result says so. Raises Interrupted on Ctrl-C: no command stops a calibration.
+    result says so. Raises DeviceRefused on Ctrl-C: no command stops a calibration.
     """
-    from handctl.devices.inspire.id_baud_save_reset import outcome, wait_for_calibration
+    from handctl.devices.inspire.id_baud_save_reset import calibrating, outcome, wait_for_calibration
 
     bus = hand.bus
     begun = hand.journal.ledger.mark
-    with bus.on_early_end("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration"):
+    with calibrating(hand, prompts):
         lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl still waits for the end")
         started = bus.link.now()
         prompts.say(
