@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.errors import HandctlError, Hint, LinkError, UsageError
+from handctl.errors import HandctlError, Hint, Interrupted, LinkError, UsageError
 from handctl.link import open_link
 from handctl.system import clock
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.link.fake import Kept
     from handctl.link.transcript import TraceFile
+    from handctl.model.prompts import Prompts
     from handctl.model.result import Journal, LineQuality
+    from handctl.model.stop_sequence import Stopped
     from handctl.stop.device_access import DeviceAccess
 
 
@@ -180,6 +182,8 @@ class Session:
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
         self._open: dict[Hashable, Connection] = {}  # by `_key`
+        self._moving: dict[str, Callable[[], Stopped]] = {}
+        """LINK -> how that is stopped which a command has set going there and left."""
         self._lines: dict[Hashable, LineQuality] = {}
         self._traces: dict[str | None, Trace] = {}
 
@@ -222,6 +226,7 @@ class Session:
         """Whether this connection is one of these: it stays open, unless it was lost or the device stopped."""
         for key, known in self._open.items():
             if known is connection:
+                self._note_movement(known, failure, journal)
                 lost = connection.link is None or isinstance(failure, LinkError)
                 if lost or connection.stopped is not None:
                     self._close(key, journal)
@@ -229,6 +234,26 @@ class Session:
                     connection.link.observers = connection.observers
                 return True
         return False
+
+    def _note_movement(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> None:
+        """Remember what the command leaves moving, or that it was stopped."""
+        stop = journal.still_moving()
+        if connection.stopped is not None or (stop is not None and isinstance(failure, Interrupted)):
+            self._moving.pop(connection.name, None)
+        elif stop is not None:
+            self._moving[connection.name] = stop
+
+    @property
+    def moves(self) -> bool:
+        """Whether a command has set something going and left it."""
+        return bool(self._moving)
+
+    def stop_moving(self, prompts: Prompts) -> list[HandctlError]:
+        """Stop what commands have set going and left, as Ctrl-C stops the movement of one; how each of these stops ended."""
+        from handctl.model.stop_on_interrupt import stop_without_interrupts
+
+        moving, self._moving = self._moving, {}
+        return [stop_without_interrupts(stop, prompts, f"{name}: ") for name, stop in moving.items()]
 
     def stopped(self, journal: Journal) -> HandctlError | None:
         """How another process has stopped a device since the last command; its link is closed. None where none has."""
