@@ -93,12 +93,14 @@ class Stopped(NamedTuple):
 
     error     None where nothing speaks against it
     evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
+    stranger  a device of another family has replied, and was not stopped
     """
 
     text: str
     hint: str = ""
     error: type[HandctlError] | None = None
     evidence: str = ""
+    stranger: bool = False
 
 
 StopSequence = Generator[StopStep, Pieces, Stopped]

@@ -200,7 +200,7 @@ class DeviceAccess:
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
-        self._report = report(stopped, sent)
+        self._report = report(stopped, sent, number=context_at(self._run, self.link).number)
         return self._report
 
     def pressed(self, frame: Any) -> None:
@@ -217,6 +217,12 @@ class DeviceAccess:
             signals.interrupt(frame)
 
 
+def context_at(run: Invocation, link: Link) -> StopContext:
+    """What the run knows of its device on this link: more, once it has written to it."""
+    met = run.opened is not None and run.journal.counters.writes > 0
+    return run.opened.stop_context() if met else context_for_link(link, run.settings)
+
+
 def stopped_at(
     run: Invocation,
     link: Link,
@@ -226,21 +232,24 @@ def stopped_at(
 ) -> Stopped:
     """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
     assert run.family is not None
-    met = run.opened is not None and run.journal.counters.writes > 0
-    context = run.opened.stop_context() if met else context_for_link(link, run.settings)
+    context = context_at(run, link)
     said = sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context)
     return run_stop(link, said, sent, run.ledger if run.writes else None, until)
 
 
-def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:
-    """The result of a stop as JSON, as `stop` shows it."""
+def report(
+    stopped: Stopped | None, sent: Sequence[Sent], *, number: int | None = None, refused: bool = False
+) -> dict[str, Any]:
+    """The result of a stop as JSON, as `stop` shows it; `number` is the id that it was sent to."""
     return {
+        "id": number,
         "rows": rows(sent),
         "wire": wire(sent),
         "evidence": stopped.evidence if stopped is not None else "",
         "text": stopped.text if stopped is not None else "",
         "hint": stopped.hint if stopped is not None else "",
         "error": stopped.error.__name__ if stopped is not None and stopped.error is not None else "",
+        "stranger": stopped is not None and stopped.stranger,
         "open": stopped is not None,
         "refused": refused,
     }

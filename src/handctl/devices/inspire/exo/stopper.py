@@ -47,7 +47,12 @@ def stop_steps(context: StopContext) -> StopSequence:
     if not context.proven:
         came += yield StopStep(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=wire.first)
         if answer(came, wrist):
-            return Stopped("this is a wrist, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused)
+            return Stopped(
+                "this is a wrist, not an exoskeleton hand. Nothing was written",
+                OF_A_WRIST,
+                DeviceRefused,
+                stranger=True,
+            )
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * len(FINGERS)), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late = "", False
@@ -84,7 +89,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         return Stopped(text, POWER, NoAnswer)
     if answer(came, wrist):
         text = "handctl commanded all forces to 0, but a wrist replied instead of an exoskeleton hand. The wrist was not stopped"
-        return Stopped(text, OF_A_WRIST, DeviceRefused)
+        return Stopped(text, OF_A_WRIST, DeviceRefused, stranger=True)
     seen = instead(came)
     text = f"handctl commanded all forces to 0, but {f'no valid reply arrived: {seen}' if seen else 'no reply arrived'}"
     return Stopped(

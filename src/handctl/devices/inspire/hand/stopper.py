@@ -149,9 +149,9 @@ def _other(states: bytes) -> Stopped:
     """A device that answers and is no hand of byte addresses: nothing was written to it."""
     if is_five_wide(within([(STATES[0], states)])):
         text = "this looks like an EH55BF1 exoskeleton hand. Nothing was written"
-        return Stopped(text, "stop it with `handctl exo stop`", DeviceRefused)
+        return Stopped(text, "stop it with `handctl exo stop`", DeviceRefused, stranger=True)
     text = "this device does not look like an RH56 hand with byte addresses. Nothing was written"
-    return Stopped(text, LABEL, DeviceRefused)
+    return Stopped(text, LABEL, DeviceRefused, stranger=True)
 
 
 def _values(wire: Wire, register: HandRegister) -> Read:
