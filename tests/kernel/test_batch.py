@@ -299,6 +299,13 @@ def test_ctrl_c_stops_what_earlier_lines_have_set_going(
     assert whole["end"]["exit_code"] == code
 
 
+def test_the_stop_of_what_an_earlier_line_has_set_going_is_in_the_history() -> None:
+    with mock.patch.object(FakeLink, "sleep", side_effect=KeyboardInterrupt):
+        batch(GO, "sleep 30", link=fake(), more=("--history", "all"))
+    *_, moved, stopped = run("history", "--json").rows
+    assert [moved["exit_code"], stopped["exit_code"]] == [0, 130], "the movement, and its stop behind it"
+
+
 def test_what_was_stopped_is_not_stopped_again() -> None:
     """Ctrl-C in the line that moves has stopped it; the end of the batch adds nothing."""
     sent: list[bytes] = []

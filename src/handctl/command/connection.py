@@ -182,8 +182,8 @@ class Session:
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
         self._open: dict[Hashable, Connection] = {}  # by `_key`
-        self._moving: dict[str, Callable[[], Stopped]] = {}
-        """LINK -> how that is stopped which a command has set going there and left."""
+        self._moving: dict[str, tuple[Invocation, Callable[[], Stopped]]] = {}
+        """LINK -> the command that has set something going there and left it, and how that is stopped."""
         self._lines: dict[Hashable, LineQuality] = {}
         self._traces: dict[str | None, Trace] = {}
 
@@ -222,11 +222,12 @@ class Session:
         in_use = settings.fake and run.in_use
         return run.family.kind, run.link_name(), settings.baud, settings.trace, settings.verbose, in_use
 
-    def keeps(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> bool:
-        """Whether this connection is one of these: it stays open, unless it was lost or the device stopped."""
+    def keeps(self, connection: Connection, failure: HandctlError | None, run: Invocation) -> bool:
+        """Whether the connection of a run is one of these: it stays open, unless it was lost or the device stopped."""
+        journal = run.journal
         for key, known in self._open.items():
             if known is connection:
-                self._note_movement(known, failure, journal)
+                self._note_movement(known, failure, run)
                 lost = connection.link is None or isinstance(failure, LinkError)
                 if lost or connection.stopped is not None:
                     self._close(key, journal)
@@ -235,13 +236,13 @@ class Session:
                 return True
         return False
 
-    def _note_movement(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> None:
+    def _note_movement(self, connection: Connection, failure: HandctlError | None, run: Invocation) -> None:
         """Remember what the command leaves moving, or that it was stopped."""
-        stop = journal.still_moving()
+        stop, name = run.journal.still_moving(), connection.name
         if connection.stopped is not None or (stop is not None and isinstance(failure, Interrupted)):
-            self._moving.pop(connection.name, None)
+            self._moving.pop(name, None)
         elif stop is not None:
-            self._moving[connection.name] = stop
+            self._moving[name] = run, stop
 
     @property
     def moves(self) -> bool:
@@ -250,10 +251,16 @@ class Session:
 
     def stop_moving(self, prompts: Prompts) -> list[HandctlError]:
         """Stop what commands have set going and left, as Ctrl-C stops the movement of one; how each of these stops ended."""
+        from handctl.command import write_history
         from handctl.model.stop_on_interrupt import stop_without_interrupts
 
         moving, self._moving = self._moving, {}
-        return [stop_without_interrupts(stop, prompts, f"{name}: ") for name, stop in moving.items()]
+        ended = []
+        for name, (run, stop) in moving.items():
+            before = len(run.ledger.rows())
+            ended.append(stop_without_interrupts(stop, prompts, f"{name}: "))
+            write_history.keep(run, run.ledger.rows()[before:], [], ended[-1])
+        return ended
 
     def stopped(self, journal: Journal) -> HandctlError | None:
         """How another process has stopped a device since the last command; its link is closed. None where none has."""

@@ -15,7 +15,7 @@ from handctl.command.family import on_can, wire_in
 from handctl.command.options import COMMAND_LINE, NAMED
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, UsageError
 from handctl.link import Deadline
-from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock, canonical
+from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
@@ -115,22 +115,10 @@ def _drop_stale_id(run: Run, until: Deadline | None) -> bool:
     assert run.family is not None
     if not run.family.ids or source in (None, COMMAND_LINE) or number in (None, 1) or (until and until.expired):
         return False
-    if source is not None and source.level == NAMED and _shared_line(run):
+    if source is not None and source.level == NAMED and run.shares_line:
         return False
     _drop(run, ["id"], f"no device replied at id {number}")
     return True
-
-
-def _shared_line(run: Run) -> bool:
-    from handctl.command.config import read_config
-
-    port, mine = run.family.tcp_port if run.family is not None else None, run.settings.port or ""
-    try:
-        devices = read_config(passed=[]).devices.values()
-    except UsageError:
-        return False
-    ports = [one.entries["port"].value for one in devices if "port" in one.entries]
-    return sum(canonical(one, port) == canonical(mine, port) for one in ports) > 1
 
 
 def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> list[Step]:

@@ -178,7 +178,7 @@ ROWS = (
         "wrong address",
         "handctl.stop.stop_command",
         "_drop_stale_id",
-        "if source is not None and source.level == NAMED and _shared_line(run):",
+        "if source is not None and source.level == NAMED and run.shares_line:",
         "if source is None:",
         "tests/stop/test_whose.py::test_an_id_that_nobody_has_holds_up_no_stop",
     ),
