@@ -94,6 +94,7 @@ class Stopped(NamedTuple):
     error     None where nothing speaks against it
     evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
     stranger  a device of another family has replied, and was not stopped
+    heard     the device has acknowledged the stop, but was not seen again
     """
 
     text: str
@@ -101,6 +102,7 @@ class Stopped(NamedTuple):
     error: type[HandctlError] | None = None
     evidence: str = ""
     stranger: bool = False
+    heard: bool = False
 
 
 StopSequence = Generator[StopStep, Pieces, Stopped]
@@ -133,7 +135,7 @@ FIND_WHO = (
 def not_seen_again(stopped: Stopped) -> Stopped:
     """The result of a stop that was acknowledged by a device that does not reply any more."""
     text = f"{stopped.text}. {SILENCE:g} s later it did not reply, so it is not known whether it still moves"
-    return Stopped(text, "switch the power off if the device still moves", NoAnswer)
+    return Stopped(text, "switch the power off if the device still moves", NoAnswer, heard=True)
 
 
 class Sent(NamedTuple):

@@ -133,7 +133,7 @@ ROWS = (
         "evidence believed",
         TALK,
         "not_seen_again",
-        'return Stopped(text, "switch the power off if the device still moves", NoAnswer)',
+        'return Stopped(text, "switch the power off if the device still moves", NoAnswer, heard=True)',
         "return stopped",
         "tests/stop/test_standstill.py::test_a_device_that_is_not_seen_again_is_no_success",
     ),

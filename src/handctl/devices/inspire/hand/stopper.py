@@ -58,7 +58,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     ]
     for wire, seconds in turns:
         stopped = yield from _stop(context._replace(within=seconds), wire)
-        if stopped.error not in (NoAnswer, ProtocolError):
+        if stopped.heard or stopped.error not in (NoAnswer, ProtocolError):
             return stopped
         failed.append(stopped)
     return next((one for one in failed if one.error is ProtocolError), failed[-1])
