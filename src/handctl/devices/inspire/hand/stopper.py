@@ -111,7 +111,8 @@ def _speed_0(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator
 
 
 def _lasting(wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
-    """After an acknowledged speed 0: whether it lasts."""
+    """After an acknowledged speed 0: whether it lasts. The protocol is known by now, so a late hand gets the usual time."""
+    wire = wire._replace(context=wire.context._replace(within=REPEAT_FOR))
     register = hand["speed_set"]
     stopped = Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
     places = lambda: _values(wire, hand["angle_actual"])  # noqa: E731
