@@ -11,8 +11,9 @@ from unittest import mock
 import pytest
 
 from handctl.command import connection
-from handctl.errors import LinkError
+from handctl.errors import DeviceRefused, LinkError
 from handctl.link.fake import FakeLink
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 from tests.support.cli import Result, check_schema, fake, run, spying
 from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
@@ -255,6 +256,72 @@ def test_ctrl_c_ends_a_pause() -> None:
     with mock.patch.object(FakeLink, "sleep", side_effect=KeyboardInterrupt):
         result = batch(GET, "sleep 30", GET, more=("--json",))
     assert (result.code, [end["command"] for end in ends(result)[:-1]]) == (130, ["exo get", "sleep"])
+
+
+RELEASE = bytes.fromhex("EB90010B31000000000000000000003D")
+GO = "exo position 900 900 900 900 900 -y"
+
+
+@each_row(("lines", "fault", "code", "stops"), [
+    ((GO, "sleep 30"), "", 130, 1),
+    (("exo force 300 300 300 300 300 -y", GET, "sleep 30"), "", 130, 1),
+    ((GO, "wrist move --pitch 5 --time 100 -p fake://wrist?clock=virtual", "sleep 30"), "", 130, 1),
+    (("exo set position_set.ring=900 -y", "sleep 30"), "", 130, 1),
+    ((GET, "sleep 30"), "", 130, 0),
+    ((GET, f"{GO} --dry-run", "sleep 30"), "", 130, 0),
+    ((GO, "sleep 30"), "silent", 4, 1),
+])  # fmt: skip
+def test_ctrl_c_stops_what_earlier_lines_have_set_going(
+    lines: tuple[str, ...], fault: str, code: int, stops: int
+) -> None:
+    """As it stops the movement of a single command; and a stop that nobody acknowledges is none."""
+    sent: list[bytes] = []
+    write = FakeLink.write
+
+    def pressed(link: FakeLink, seconds: float) -> None:
+        sent.clear()
+        raise KeyboardInterrupt
+
+    def noted(link: FakeLink, data: bytes, deadline: Any) -> None:
+        sent.append(data)
+        if fault and RELEASE in sent:
+            return  # nobody hears it
+        write(link, data, deadline)
+
+    with mock.patch.object(FakeLink, "sleep", pressed), mock.patch.object(FakeLink, "write", noted):
+        result = batch(*lines, more=("--json", "--keep-going"))
+    assert result.code == code, result
+    assert bool(stops) == (RELEASE in sent), sent
+    *_, last, whole = ends(result)
+    assert last["command"] == next(
+        word for line in lines for word in ("wrist move", "sleep") if line.startswith(word)
+    ), "no further line"
+    assert whole["end"]["exit_code"] == code
+
+
+def test_the_stop_of_what_an_earlier_line_has_set_going_is_in_the_history() -> None:
+    with mock.patch.object(FakeLink, "sleep", side_effect=KeyboardInterrupt):
+        batch(GO, "sleep 30", link=fake(), more=("--history", "all"))
+    *_, moved, stopped = run("history", "--json").rows
+    assert [moved["exit_code"], stopped["exit_code"]] == [0, 130], "the movement, and its stop behind it"
+
+
+def test_what_was_stopped_is_not_stopped_again() -> None:
+    """Ctrl-C in the line that moves has stopped it; the end of the batch adds nothing."""
+    sent: list[bytes] = []
+    write = FakeLink.write
+    with mock.patch.object(
+        FakeLink, "write", lambda link, data, deadline: (sent.append(data), write(link, data, deadline))[1]
+    ), mock.patch("handctl.devices.inspire.register_device.watch", side_effect=KeyboardInterrupt):  # fmt: skip
+        result = batch("exo force 0 0 0 0 0 -y", f"{GO} --wait 5", GET)
+    assert result.code == 130 and sent.count(RELEASE) == 2, "the line itself, and its stop"
+
+
+def test_a_line_whose_stop_failed_ends_the_batch() -> None:
+    """Also with --keep-going: somebody wants an end, and the hand may still move."""
+    with mock.patch("handctl.devices.inspire.exo.device.calibrate", side_effect=DeviceRefused("no", code=NOT_STOPPED)):
+        result = batch("exo calibrate -y", GET, more=("--json", "--keep-going"))
+    assert (result.code, [end["command"] for end in ends(result)[:-1]]) == (6, ["exo calibrate"])
 
 
 def test_a_pause_alone_is_no_command() -> None:

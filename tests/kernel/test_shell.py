@@ -6,6 +6,7 @@ import signal
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import click
 import pytest
@@ -13,6 +14,7 @@ import pytest
 from handctl.command.command_lines import parse_line
 from handctl.command.command_tree import root
 from handctl.command.run import Run
+from handctl.link.fake import FakeLink
 from handctl.tools.shell import Shell
 from tests.support.cli import fake, run, spying
 from tests.support.terminal import Terminal
@@ -90,6 +92,17 @@ def test_ctrl_c_at_the_prompt_ends_nothing(handler: None, capsys: pytest.Capture
     made._read_line = read_line
     made.run()
     assert len(prompts) == 3 and "Ctrl-D ends the shell" in capsys.readouterr().err
+
+
+def test_ctrl_c_in_a_line_stops_what_an_earlier_one_has_set_going(
+    handler: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    made, _ = shell(["position 900 900 900 900 900 -y", "sleep 30", "get id"], "-p", fake())
+    with spying() as spy, mock.patch.object(FakeLink, "sleep", side_effect=KeyboardInterrupt):
+        made.run()
+    out, err = capsys.readouterr()
+    assert spy.byte_at(1486, 2) != (900).to_bytes(2, "little"), "held where it was"
+    assert "interrupted" in err and "id    1000" in out
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,22 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "kernel/test_limits.py",
         "test_a_limit_that_nothing_was_compared_with",
     ),
-    "If the device is still moving or has a new target": ("stop/test_stop_sequence.py", "test_"),
+    "If the device has a new target, or its position still changes": (
+        "stop/test_standstill.py",
+        "test_what_moves_slowly_behind_a_stop_is_seen",
+    ),
+    "the reading is not a position": (
+        "stop/test_standstill.py",
+        "test_an_exo_holds_each_finger_that_reads_a_position",
+    ),
+    "If it does not reply any more, handctl cannot tell": (
+        "stop/test_standstill.py",
+        "test_a_device_that_is_not_seen_again_is_no_success",
+    ),
+    "Ctrl-C ends only the `calibrate` command": (
+        "stop/test_calibration.py",
+        "test_a_stop_says_that_the_calibration_goes_on",
+    ),
     "nothing is written (exit code 6)": ("stop/test_whose.py", "test_"),
     "no stop is sent (exit code 2): type the family": (
         "stop/test_whose.py",

@@ -321,7 +321,7 @@ def cell(bench: Bench, case: Case, number: int, source: random.Random | None) ->
     code, err, finished, through = interrupt(bench, case, number, source)
     finished = finished or any((bench.folder / name).exists() for name in case.fresh)
     spoke = bench.trace.exists() and " > " in bench.trace.read_text(encoding="utf-8")
-    orderly = (0, 130) if number != signal.SIGKILL else (0, -9)
+    orderly = (0, 130, *((6,) if case.rests else ())) if number != signal.SIGKILL else (0, -9)  # 6: it goes on
     # Before anything was sent, or behind the last word, the signal may end the interpreter itself.
     ours = code in orderly or ((finished or not spoke) and code == -number)
     python = code == 1 and not spoke and "handctl: error" not in err  # a signal while the interpreter itself starts

@@ -335,6 +335,9 @@ def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
             reply = bytes.fromhex("90EB010D3184038E039803A203AC03F401")
         elif request[4] == 0x32:
             reply = bytes.fromhex("90EB010B3200000000000000000000")
+        elif request[4] == 0x11:  # the positions are also the targets, and no force is set
+            data = bytes(10) if request[5:7] == b"\xda\x05" else bytes.fromhex("84038E039803A203AC03F401")
+            reply = bytes([0x90, 0xEB, 1, request[7] + 3, *request[4:7], *data[: request[7]]])
         else:
             return []
         return [(latency, reply + bytes([sum(reply[2:]) % 256]))]

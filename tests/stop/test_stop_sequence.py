@@ -18,8 +18,8 @@ from tests.support.stop import RELEASE
 
 PLACES = "90EB010D3184038E039803A203AC03F401"
 """The answer to the forces: 900 910 920 930 940, thumb rotation 500 (exo §2.2.1), without the sum."""
-BEYOND = "90EB010D3184038E039803A203E903F401"
-"""One finger at 1001, where no finger can be sent to."""
+BEYOND = "90EB010D3184038E039803A2034C04F401"
+"""One finger reads 1100, which is no position: it is left alone, and the others are held (exo §2.3.7)."""
 
 
 def summed(text: str) -> bytes:
@@ -34,7 +34,7 @@ def half_deaf(places: str) -> ScriptedLink:
 
 @pytest.mark.parametrize(
     ("places", "last"),
-    [(PLACES, "eb90010b3284038e039803a203ac0345"), (BEYOND, "eb90010d12ce05ffffffffffffffffffffe9")],
+    [(PLACES, "eb90010b3284038e039803a203ac0345"), (BEYOND, "eb90010d12ce0584038e039803a203ffff49")],
 )
 def test_a_hold_that_is_not_acknowledged_is_no_stop(places: str, last: str) -> None:
     link, sent = half_deaf(places), list[Sent]()

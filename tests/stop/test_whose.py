@@ -155,6 +155,66 @@ def test_where_nobody_answers_the_next_step_is_said(family: str, bench: Bench) -
     assert run("stop", "-p", "replay:/nothing", "--json").error["code"] == "no-family"
 
 
+SERIAL = [family for family in FAMILIES if family != "aidin"]
+
+
+@each_row("before", SERIAL)
+def test_another_device_than_the_last_one_is_stopped(before: str, bench: Bench) -> None:
+    """What is kept of a port may be out of date: who answers there is stopped, by its own bytes, and it is told."""
+    for there in SERIAL:
+        if (before, there) == ("hand", "wrist"):
+            continue  # a wrist passes on what is for the hand behind it
+        bench.there = f"{before}?"
+        assert run(before, "status", "-p", PORT).code in (0, 7)
+        bench.there = f"{there}?"
+        result = run("stop", "-p", PORT, "--json")
+        wanted = run(there, "stop", "--json", "-p", f"fake://{there}?clock=virtual")
+        rows = [row["bytes"] for row in result.rows]
+        assert result.code == 0 and rows[-len(wanted.rows) :] == [row["bytes"] for row in wanted.rows], (there, result)
+        assert [row["step"] for row in result.rows] == list(range(1, len(rows) + 1))
+        assert ("other-device" in result.codes()) == (there != before), (there, result)
+        assert result.json["device"]["kind"] == there and result.json["writes"][-1]["state"] != "not-sent"
+
+
+@each_row("family", ["exo", "wrist", "hand"])
+def test_an_id_that_nobody_has_holds_up_no_stop(family: str, bench: Bench, tmp_path: Path) -> None:
+    """Neither that of a variable nor that of a named device; what is typed stands. The id and its origin are told."""
+    path = tmp_path / "config.toml"
+    named = f"[devices.left]\nkind = '{family}'\nport = '{PORT}'\nid = 9\n"
+    path.write_text(named)
+    file = {"HANDCTL_CONFIG": str(path)}
+    for words, env in (
+        ((family, "stop", "-p", PORT), {"HANDCTL_ID": "9"}),
+        (("stop", "-p", PORT), {"HANDCTL_ID": "9"}),
+        ((family, "stop", "-d", "left"), file),
+        (("stop", "-d", "left"), file),
+    ):
+        bench.there = f"{family}?"
+        result = run(*words, "--json", env=env)
+        assert result.code == 0 and result.json["device"]["id"] == 1, (words, result)
+        assert "passed-over" in result.codes() or "found" in result.codes(), result
+        assert any("9" in message["text"] for message in result.json["messages"]) or words[0] == "stop", result
+    typed = run(family, "stop", "-p", PORT, "--id", "9", "--json")
+    assert (typed.code, typed.json["device"]["id"]) == (4, 9) and "id 9 (command line)" in typed.error["text"], typed
+    path.write_text(named + named.replace("left", "right").replace("9", "1"))
+    result = run(family, "stop", "-d", "left", "--json", env=file)
+    assert result.code == 4 and f"id 9 ({path}:4)" in result.error["text"], (
+        "the other device is not the one that is meant"
+    )
+
+
+def test_the_result_names_the_id_and_counts_the_frames(bench: Bench) -> None:
+    bench.there = "exo?"
+    result = run("exo", "stop", "-p", PORT, "--json")
+    counters = result.json["counters"]
+    assert result.json["device"]["id"] == 1
+    assert (counters["sent"], counters["received"]) == (
+        sum(row["times"] for row in result.rows),
+        sum(row["answer"] is not None for row in result.rows),
+    )
+    assert counters["received"] >= 5
+
+
 @each_row(
     "command, state, asked, told",
     [

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.errors import HandctlError, Hint, LinkError, UsageError
+from handctl.errors import HandctlError, Hint, Interrupted, LinkError, UsageError
 from handctl.link import open_link
 from handctl.system import clock
 
@@ -16,7 +16,9 @@ if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.link.fake import Kept
     from handctl.link.transcript import TraceFile
+    from handctl.model.prompts import Prompts
     from handctl.model.result import Journal, LineQuality
+    from handctl.model.stop_sequence import Stopped
     from handctl.stop.device_access import DeviceAccess
 
 
@@ -180,6 +182,8 @@ class Session:
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
         self._open: dict[Hashable, Connection] = {}  # by `_key`
+        self._moving: dict[str, tuple[Invocation, Callable[[], Stopped]]] = {}
+        """LINK -> the command that has set something going there and left it, and how that is stopped."""
         self._lines: dict[Hashable, LineQuality] = {}
         self._traces: dict[str | None, Trace] = {}
 
@@ -218,10 +222,12 @@ class Session:
         in_use = settings.fake and run.in_use
         return run.family.kind, run.link_name(), settings.baud, settings.trace, settings.verbose, in_use
 
-    def keeps(self, connection: Connection, failure: HandctlError | None, journal: Journal) -> bool:
-        """Whether this connection is one of these: it stays open, unless it was lost or the device stopped."""
+    def keeps(self, connection: Connection, failure: HandctlError | None, run: Invocation) -> bool:
+        """Whether the connection of a run is one of these: it stays open, unless it was lost or the device stopped."""
+        journal = run.journal
         for key, known in self._open.items():
             if known is connection:
+                self._note_movement(known, failure, run)
                 lost = connection.link is None or isinstance(failure, LinkError)
                 if lost or connection.stopped is not None:
                     self._close(key, journal)
@@ -229,6 +235,32 @@ class Session:
                     connection.link.observers = connection.observers
                 return True
         return False
+
+    def _note_movement(self, connection: Connection, failure: HandctlError | None, run: Invocation) -> None:
+        """Remember what the command leaves moving, or that it was stopped."""
+        stop, name = run.journal.still_moving(), connection.name
+        if connection.stopped is not None or (stop is not None and isinstance(failure, Interrupted)):
+            self._moving.pop(name, None)
+        elif stop is not None:
+            self._moving[name] = run, stop
+
+    @property
+    def moves(self) -> bool:
+        """Whether a command has set something going and left it."""
+        return bool(self._moving)
+
+    def stop_moving(self, prompts: Prompts) -> list[HandctlError]:
+        """Stop what commands have set going and left, as Ctrl-C stops the movement of one; how each of these stops ended."""
+        from handctl.command import write_history
+        from handctl.model.stop_on_interrupt import stop_without_interrupts
+
+        moving, self._moving = self._moving, {}
+        ended = []
+        for name, (run, stop) in moving.items():
+            before = len(run.ledger.rows())
+            ended.append(stop_without_interrupts(stop, prompts, f"{name}: "))
+            write_history.keep(run, run.ledger.rows()[before:], [], ended[-1])
+        return ended
 
     def stopped(self, journal: Journal) -> HandctlError | None:
         """How another process has stopped a device since the last command; its link is closed. None where none has."""

@@ -168,6 +168,20 @@ class Invocation:
         return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
 
     @property
+    def shares_line(self) -> bool:
+        """Whether the configuration has several named devices at the place of this LINK. Errors in the file are ignored."""
+        from handctl.command.config import read_config
+        from handctl.link.device_lock import canonical
+
+        try:
+            devices = read_config(passed=[]).devices.values()
+        except UsageError:
+            return False
+        ports = [one.entries["port"].value for one in devices if "port" in one.entries]
+        tcp_port = self.family.tcp_port if self.family is not None else None
+        return sum(canonical(port, tcp_port) == self.place for port in ports) > 1
+
+    @property
     def ledger(self) -> Ledger:
         """The writes that this command planned, and their results."""
         ledger = self.journal.ledger

@@ -354,7 +354,7 @@ class Run(Invocation):
         """Let go of the link, unless the next command of a session can use it."""
         for other in self.others:
             failure = other.close(failure)
-        if self.session is not None and self.session.keeps(self.connection, failure, self.journal):
+        if self.session is not None and self.session.keeps(self.connection, failure, self):
             return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)
 

@@ -19,6 +19,7 @@ touches something, and the others touch something or are at their targets. `any`
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from itertools import zip_longest
 
 from handctl.errors import CheckFailed, joined
 from handctl.fast_classes import NamedTuple
@@ -145,6 +146,27 @@ class Arrival(NamedTuple):
         return f"{words}{context}{f' ({self.why})' if self.why else ''}"
 
 
+def stands(before: Number, now: Number, jitter: Number) -> bool:
+    """Whether two readings of one axis differ by no more than those of a resting one."""
+    return abs(now - before) <= jitter
+
+
+def stands_still(
+    before: Sequence[Number], now: Sequence[Number], jitter: Number, held: Sequence[Number | None] = ()
+) -> bool:
+    """Whether every axis stands between two readings of all.
+
+    `held` are the positions where they were commanded to stay, None for an axis that was not: one that comes back to its
+    own obeys, and one that goes on from it does not.
+    """
+    back = [
+        place is not None and abs(there - place) < abs(here - place)
+        for here, there, place in zip(before, now, held, strict=False)
+    ]
+    rest = [stands(here, there, jitter) for here, there in zip(before, now, strict=True)]
+    return all(one or other for one, other in zip_longest(rest, back, fillvalue=False))
+
+
 class _Axis:
     """What was seen of one axis so far."""
 
@@ -160,7 +182,7 @@ class _Axis:
         self.seen = seen
         if seen.value is None:
             return
-        if self.anchor is None or abs(seen.value - self.anchor) > self.goal.jitter:
+        if self.anchor is None or not stands(self.anchor, seen.value, self.goal.jitter):
             self.moved = self.moved or self.anchor is not None
             self.anchor, self.since, self.equal = seen.value, now, 0
         self.equal += 1

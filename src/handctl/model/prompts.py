@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from handctl.errors import HandctlError
+    from handctl.errors import Aftermath, HandctlError
     from handctl.model.param import Changes, Step
 
 CTRL_C = "Ctrl-C stops."
@@ -40,6 +40,8 @@ class Prompts:
     """What to do after a no."""
     unstoppable = ""
     """Why the wish of another process to stop the device is refused just now; "" where it is not."""
+    goes_on: Callable[[], Aftermath | None] = staticmethod(lambda: None)
+    """What no stop ends just now, such as a calibration; None = nothing. A stop is sent, but is never a success."""
 
     def say(self, text: str) -> None:
         """A line that stays, e.g. what the wearer has to do now."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from handctl.errors import Aftermath, HandctlError, Interrupted, LinkError, NoAnswer
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.model.stop_sequence import Stopped
 
 if TYPE_CHECKING:
@@ -68,6 +68,25 @@ def on_early_end(
         if since is None or since.writes > before:
             exc.add_aftermath(left)
         raise
+
+
+@contextmanager
+def no_stop_ends_it(left: Aftermath, prompts: Prompts, since: WriteCounter) -> Iterator[None]:
+    """Around what no command stops once it was written, such as a calibration: it is `left` behind when this ends early.
+
+    Neither Ctrl-C nor a stop that another process asks for is a success meanwhile. Raises DeviceRefused for Ctrl-C.
+    """
+    before = since.writes
+    prompts.goes_on = lambda: left if since.writes > before else None
+    try:
+        with on_early_end(left, since=since, interrupt=False):
+            yield
+    except KeyboardInterrupt as exc:
+        if since.writes == before:
+            raise
+        raise DeviceRefused(f"interrupted, but {left.text}", hint=left.hint, code=NOT_STOPPED) from exc
+    finally:
+        del prompts.goes_on
 
 
 @contextmanager

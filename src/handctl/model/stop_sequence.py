@@ -32,9 +32,9 @@ if TYPE_CHECKING:
 
 WRITE_SECONDS = 1.0
 SILENCE = 0.3
-"""Seconds without sending before a stopped device is checked again: by then another master has sent something."""
-BETWEEN = 0.1
-"""Seconds between two readings of its position."""
+"""Seconds without sending before a stopped device is checked again, and between two readings of its position.
+
+By then another master has sent something, and what still moves has gone farther than a reading changes at rest."""
 MOST = 65536
 """Most bytes that are read for one reply: a line full of noise must not delay the next step."""
 
@@ -93,12 +93,16 @@ class Stopped(NamedTuple):
 
     error     None where nothing speaks against it
     evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
+    stranger  a device of another family has replied, and was not stopped
+    heard     the device has acknowledged the stop, but was not seen again
     """
 
     text: str
     hint: str = ""
     error: type[HandctlError] | None = None
     evidence: str = ""
+    stranger: bool = False
+    heard: bool = False
 
 
 StopSequence = Generator[StopStep, Pieces, Stopped]
@@ -124,6 +128,12 @@ FIND_WHO = (
     "end the other program. `handctl ports` shows the programs that use the ports of this computer. On a network or a bus, "
     "check the other computers too. If the device must not move, switch its power off"
 )
+
+
+def not_seen_again(stopped: Stopped) -> Stopped:
+    """The result of a stop that was acknowledged by a device that does not reply any more."""
+    text = f"{stopped.text}. {SILENCE:g} s later it did not reply, so it is not known whether it still moves"
+    return Stopped(text, "switch the power off if the device still moves", NoAnswer, heard=True)
 
 
 class Sent(NamedTuple):

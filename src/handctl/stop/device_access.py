@@ -13,7 +13,7 @@ from _thread import RLock
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import STOPPED, HandctlError, Interrupted, LinkError
+from handctl.errors import STOPPED, DeviceRefused, HandctlError, Interrupted, LinkError
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
@@ -193,12 +193,14 @@ class DeviceAccess:
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = stopped_at(self._run, self.link, sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
+        if (left := self._run.prompts.goes_on()) is not None:
+            stopped = Stopped(f"{stopped.text}. But {left.text}", left.hint, stopped.error or DeviceRefused)
         self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
-        self._report = report(stopped, sent)
+        self._report = report(stopped, sent, number=context_at(self._run, self.link).number)
         return self._report
 
     def pressed(self, frame: Any) -> None:
@@ -215,6 +217,12 @@ class DeviceAccess:
             signals.interrupt(frame)
 
 
+def context_at(run: Invocation, link: Link) -> StopContext:
+    """What the run knows of its device on this link: more, once it has written to it."""
+    met = run.opened is not None and run.journal.counters.writes > 0
+    return run.opened.stop_context() if met else context_for_link(link, run.settings)
+
+
 def stopped_at(
     run: Invocation,
     link: Link,
@@ -224,21 +232,24 @@ def stopped_at(
 ) -> Stopped:
     """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
     assert run.family is not None
-    met = run.opened is not None and run.journal.counters.writes > 0
-    context = run.opened.stop_context() if met else context_for_link(link, run.settings)
+    context = context_at(run, link)
     said = sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context)
     return run_stop(link, said, sent, run.ledger if run.writes else None, until)
 
 
-def report(stopped: Stopped | None, sent: Sequence[Sent], *, refused: bool = False) -> dict[str, Any]:
-    """The result of a stop as JSON, as `stop` shows it."""
+def report(
+    stopped: Stopped | None, sent: Sequence[Sent], *, number: int | None = None, refused: bool = False
+) -> dict[str, Any]:
+    """The result of a stop as JSON, as `stop` shows it; `number` is the id that it was sent to."""
     return {
+        "id": number,
         "rows": rows(sent),
         "wire": wire(sent),
         "evidence": stopped.evidence if stopped is not None else "",
         "text": stopped.text if stopped is not None else "",
         "hint": stopped.hint if stopped is not None else "",
         "error": stopped.error.__name__ if stopped is not None and stopped.error is not None else "",
+        "stranger": stopped is not None and stopped.stranger,
         "open": stopped is not None,
         "refused": refused,
     }

@@ -7,7 +7,7 @@ and the bytes are sent from here. They are also sent to a port that another prog
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import errors
@@ -18,9 +18,9 @@ from handctl.link import Deadline
 from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
-from handctl.model.result import Column, Table
+from handctl.model.result import Column, Row, Table
 from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, writes_without_replies
-from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
+from handctl.stop.device_access import DeviceAccess, context_at, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
@@ -57,22 +57,68 @@ def stop(
         run.journal.warn("passed-over", problem.text, problem.hint)
     if run.session is not None and not run.session.has(run):
         run.session = None  # only what a session has open it stops itself
-    ours = run.session is not None
+    ours = run.session is not None or run.link is not None  # or it was stopped as another device just before
     lock, told, ended = (None, None, False) if ours else _ask_holder(run, name, until)
     if told is None or not (told["open"] or told["refused"]):
         told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise)
+        if unheard(told["error"], told["rows"]) and _drop_stale_id(run, until):
+            told = joined_reports(told, _from_here(run, lock, sequence, until, patient=False, otherwise=otherwise))
     else:
         _take_over(run, told)
     table = Table(rows=told["rows"], columns=COLUMNS, plain=("bytes",))
     where = "" if name in told["text"] else f"{name}: "
+    assert run.family is not None
+    if run.family.ids and told["id"] is not None:
+        where += _id_used(run, told["id"]) if told["error"] else ""
+        run.settings = run.settings._replace(id=told["id"])  # the result names it
+    run.journal.counters.sent += sum(row["times"] for row in told["rows"])
+    run.journal.counters.received += sum(row["answer"] is not None for row in told["rows"])
     if told["refused"]:
         table.failure = DeviceRefused(f"{where}nothing was sent: {told['text']}", hint=told["hint"], code="not-now")
     elif told["error"]:
         kind: type[HandctlError] = getattr(errors, told["error"], HandctlError)
-        table.failure = kind(f"{where}{told['text']}", hint=told["hint"])
+        code = OTHER_DEVICE if told["stranger"] else ""
+        table.failure = kind(f"{where}{told['text']}", hint=told["hint"], code=code)
     else:
         run.journal.info("stopped", f"{where}{told['text']}", told["hint"])
     return table
+
+
+OTHER_DEVICE = "other-device"
+"""Code of the error where a device of another family has replied, and was not stopped."""
+
+
+def unheard(error: str, rows: Sequence[Row]) -> bool:
+    """Whether nothing acknowledged what was sent: `error` is the kind of the failure, and `rows` what went out."""
+    answered = any(row["answer"] is not None for row in rows if not row["reads"])
+    return error == "ProtocolError" or (error == "NoAnswer" and not answered)
+
+
+def joined_reports(first: dict[str, Any], then: dict[str, Any]) -> dict[str, Any]:
+    """The report of a stop that followed another one, with the steps of both."""
+    rows = [{**row, "step": at} for at, row in enumerate([*first["rows"], *then["rows"]], 1)]
+    return {**then, "rows": rows, "wire": [*first["wire"], *then["wire"]]}
+
+
+def _id_used(run: Run, number: int) -> str:
+    """The id that was used, and where it comes from; "" for the default."""
+    source = run.sources.get("id")
+    return f"id {number} ({source.where or source.level}): " if source is not None else ""
+
+
+def _drop_stale_id(run: Run, until: Deadline | None) -> bool:
+    """Whether to try once more with the id that devices are shipped with: nothing replied at one that was not typed.
+
+    A named device keeps its id if the configuration has another device on the same line: that one is not to be stopped.
+    """
+    source, number = run.sources.get("id"), run.settings.id
+    assert run.family is not None
+    if not run.family.ids or source in (None, COMMAND_LINE) or number in (None, 1) or (until and until.expired):
+        return False
+    if source is not None and source.level == NAMED and run.shares_line:
+        return False
+    _drop(run, ["id"], f"no device replied at id {number}")
+    return True
 
 
 def _plan(run: Run, sequence: Callable[[StopContext], StopSequence] | None) -> list[Step]:
@@ -184,7 +230,7 @@ def _from_here(
     otherwise: Callable[[Any], str] | None,
 ) -> dict[str, Any]:
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
-    if run.session is None:
+    if run.session is None and run.link is None:
         run.connection.device_access = DeviceAccess(run, lock)
     until = clock.now() + _left(bound, AGAIN_SECONDS) if patient else 0.0
     sent: list[Sent] = []
@@ -210,7 +256,7 @@ def _from_here(
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)
         except HandctlError as exc:
             stopped = stopped._replace(text=errors.joined(stopped.text, exc.text))
-    return report(stopped, sent)
+    return report(stopped, sent, number=context_at(run, link).number)
 
 
 # -- what holds up no stop ------------------------------------------------------------------------------------------

@@ -20,6 +20,7 @@ from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageE
 from handctl.files import BYTE_ORDER_MARK, atomic_write, read_text, text_lines, writing
 from handctl.interrupts import was_interrupted
 from handctl.model.result import Table
+from handctl.model.stop_on_interrupt import NOT_STOPPED, ended_by_interrupt
 from handctl.wording import plural
 
 
@@ -195,11 +196,12 @@ def _run(run: Run, lines: Sequence[ScriptLine], *, keep_going: bool) -> Table | 
             error = _carried_out(one, session, run)
             if error is not None:
                 failed.append((one, error))
-            if error is not None and not (keep_going and error.exit_code != Interrupted.exit_code):
+            if error is not None and not (keep_going and not ended_by_interrupt(error)):
                 break
+        stops = session.stop_moving(run.prompts) if failed and ended_by_interrupt(failed[-1][1]) else []
     finally:
         error = session.close(run.journal)
-    failure = _failure(failed, done) if failed else error
+    failure = _failure(failed, done, stops) if failed else error
     if run.settings.format in ("json", "ndjson"):
         return Table(extra={"lines": done, "failed": len(failed)}, failure=failure)
     if failure is not None:
@@ -219,10 +221,22 @@ def _carried_out(one: ScriptLine, session: Session, run: Run) -> HandctlError | 
     return Interrupted("interrupted") if was_interrupted() else None
 
 
-def _failure(failed: Sequence[tuple[ScriptLine, HandctlError]], done: int) -> HandctlError:
-    """The failure of the whole: it ends as the first line that failed."""
+def _failure(
+    failed: Sequence[tuple[ScriptLine, HandctlError]], done: int, stops: Sequence[HandctlError]
+) -> HandctlError:
+    """The failure of the whole: a stop that was not confirmed, else it ends as the first line that failed.
+
+    `stops` are those of what earlier lines had set going, after an interrupt.
+    """
     one, first = failed[0]
-    if first.exit_code == Interrupted.exit_code:
+    ends = sorted(stops, key=lambda stop: stop.code == NOT_STOPPED)
+    interrupted = first.exit_code == Interrupted.exit_code
+    last = ends.pop() if ends and (interrupted or ends[-1].code == NOT_STOPPED) else None
+    for stop in ends:
+        print_message("note", stop.text, stop.hint)
+    if last is not None:
+        return last
+    if interrupted:
         return Interrupted("interrupted")
     text = f"{len(failed)} of {plural(done, 'line')} failed, the first is line {one.number} ({one.command})"
     failure = HandctlError(text, hint=f"see the message of line {one.number}", code="line-failed")

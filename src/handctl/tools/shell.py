@@ -18,6 +18,7 @@ from handctl.errors import HandctlError, Hint, UsageError
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import state_path
 from handctl.interrupts import end_on_signals
+from handctl.model.stop_on_interrupt import ended_by_interrupt
 from handctl.system import terminal
 
 
@@ -89,7 +90,8 @@ class Shell:
             return False
         except KeyboardInterrupt:
             stopped = self._session.stopped(self._run.journal)
-            print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", "")
+            hint = "at the prompt, Ctrl-C stops no device: type `stop`" if self._session.moves else ""
+            print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", hint)
             return True
         try:
             words = split_line(typed)
@@ -116,6 +118,9 @@ class Shell:
         except HandctlError as exc:
             if exc.text != "interrupted":
                 print_message("error", exc.text, exc.hint)
+            if ended_by_interrupt(exc):
+                for stop in self._session.stop_moving(self._run.prompts):
+                    print_message("error", stop.text, stop.hint)
         except click.ClickException as exc:
             print_message("error", exc.format_message(), "")
 

@@ -13,7 +13,7 @@ import click
 from handctl.command.command_tree import Command
 from handctl.command.config import Device, read_config
 from handctl.command.family import load
-from handctl.command.options import NAMED, Source
+from handctl.command.options import COMMAND_LINE, NAMED, Source
 from handctl.command.run import Run
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.families import FAMILIES, SCAN_ORDER
@@ -33,15 +33,40 @@ def cli(run: Run) -> Table:
 
     handctl takes the family from the entry of the named device (-d), or from the handctl command that is using the device or
     used it last.
-    Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device.
+    Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device. It also does that if the stop gets no
+    reply, or one from another device, and then stops the device that it found.
     If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
     was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
     from handctl.stop import stop_command
 
-    kind = _kind(run)
-    run.family = load(kind, "cli").cli.family
-    return stop_command.stop(run)
+    run.family = load(_kind(run), "cli").cli.family
+    table = stop_command.stop(run)
+    return _other_stopped(run, table) or table
+
+
+def _other_stopped(run: Run, first: Table) -> Table | None:
+    """The stop of the device that is really there, after that of the family it was taken for; None where that stands.
+
+    What is kept of a place may be out of date: another device is behind the port now.
+    """
+    from handctl.stop import stop_command
+
+    failure, family, link = first.failure, run.family, run.settings.port or ""
+    error = type(failure).__name__
+    if failure is None or not (failure.code == stop_command.OTHER_DEVICE or stop_command.unheard(error, first.rows)):
+        return None
+    if "id" not in run.sources:
+        run.settings = run.settings._replace(id=None)  # the one of the family before, as shipped
+    found = _replying_family(run, link) if family is not None else ""
+    if family is None or found in ("", family.kind):
+        return None
+    run.journal.warn("other-device", f"{failure.text}. Stopping the {found} instead")
+    run.family = load(found, "cli").cli.family
+    run.journal.ledger.words = None  # those of the family before
+    then = stop_command.stop(run)
+    then.rows = [{**row, "step": at} for at, row in enumerate([*first.rows, *then.rows], 1)]
+    return then
 
 
 def _kind(run: Run) -> str:
@@ -129,27 +154,41 @@ def _replying_family(run: Run, link: str) -> str:
     wire = wire_of(link)
     try:
         with ExitStack() as held:
-            if (lock := hold(link, f"handctl {run.command}", patience=0.0)) is not None:
-                held.callback(lock.release)
-            opened = held.enter_context(closing(open_link(link, exclusive=False)))
-            row = _asked(opened, wire, run.settings.id, run.journal)
+            opened = run.link
+            if opened is None:
+                if (lock := hold(link, f"handctl {run.command}", patience=0.0)) is not None:
+                    held.callback(lock.release)
+                opened = held.enter_context(closing(open_link(link, exclusive=False)))
+            else:  # the questions of other families are no writes of this one
+                held.callback(setattr, opened, "observers", opened.observers)
+                opened.observers = run.connection.observers
+            row = _asked(opened, wire, _ids(run), run.journal)
     except HandctlError:
         return ""  # the stop itself says what is wrong with the link
     if row is None:
         return ""
     if row["baud"] is not None:
         run.settings = run.settings._replace(baud=row["baud"])
+    if row.get("id") not in (None, run.settings.id):
+        run.settings = run.settings._replace(id=row["id"])
     run.journal.info("found", f"{link}: {row['family']} replies: {row['evidence']}")
     return str(row["family"])
 
 
-def _asked(link: Link, wire: str, number: int | None, journal: Journal) -> Row | None:
+def _ids(run: Run) -> list[int]:
+    """The ids to ask: the one that was given, and unless it was typed or is that of a named device, the one as shipped."""
+    number, source = run.settings.id, run.sources.get("id")
+    if number is None or not 1 < number <= 254:
+        return [1]
+    return [number] if source == COMMAND_LINE or (source and source.level == NAMED) else [number, 1]
+
+
+def _asked(link: Link, wire: str, ids: list[int], journal: Journal) -> Row | None:
     """The first row of a scan's questions, each family at its usual speed."""
     from handctl.tools.scan_link import plan, port_of
 
     speeds = has_speed(link) and wire == "serial"
     bound = link.deadline(SECONDS)
-    ids = [number] if number is not None and 1 <= number <= 254 else [1]
     done: set[str] = set()
     quiet = Journal()
     quiet.counters = journal.counters

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.id_baud_save_reset import outcome
 from handctl.devices.inspire.register_bus import POWER_OFF, RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.register_map import Register
-from handctl.errors import CheckFailed, Hint, joined
+from handctl.errors import Aftermath, CheckFailed, Hint, joined
 from handctl.model.param import Reading
 from handctl.model.prompts import Prompts
 from handctl.model.result import Finding, Table, hex_bytes
+from handctl.model.stop_on_interrupt import no_stop_ends_it
+
+
+def calibrating(hand: RegisterDevice, prompts: Prompts) -> AbstractContextManager[None]:
+    """Around the start of a calibration and the wait for its end: no command stops it (exo §2.3.6, rh56 §9)."""
+    left = Aftermath("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration")
+    return no_stop_ends_it(left, prompts, hand.journal.counters)
 
 
 def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, more: str = "") -> eb90.Frame | None:

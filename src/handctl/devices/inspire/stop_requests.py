@@ -6,20 +6,33 @@ Knows no device: its stopper says which registers tell where it is, and where it
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from itertools import zip_longest
 from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.register_bus import ahead, question
+from handctl.errors import CheckFailed
 from handctl.model.frame_decoder import frames_in
+from handctl.model.movement import stands_still
 from handctl.model.param import Step
 from handctl.model.stop_repetition import after_late_replies, repeat_until_answered
-from handctl.model.stop_sequence import BETWEEN, Pieces, StopContext, StopStep, silence
+from handctl.model.stop_sequence import (
+    SILENCE,
+    Pieces,
+    StopContext,
+    Stopped,
+    StopStep,
+    did_not_last,
+    not_seen_again,
+    silence,
+)
 
 QUICK = 0.05
 """Seconds for an answer that tells one of this maker's devices from another: it must not hold up a stop."""
 SHOWN = 16
 """Bytes of what came instead of an answer that a sentence holds."""
+
+LOOKS = 3
+"""Pairs of readings, each over `SILENCE`, in one of which it must stand still."""
 
 READS = "read where it is, or is to be"
 
@@ -132,34 +145,86 @@ class Wire(NamedTuple):
         return next((one for one in frames_in(decoder) if modbus_frames.answers(one.pdu, pdu)), None)
 
 
-def seen_since(
+def hold_target(reading: int, low: int, high: int, near: int) -> int | None:
+    """Where to hold an axis that reads `reading`; None if that is no position of it.
+
+    Both ends are ends of travel (exo §2.2.1, wrist §1), so an axis that reads at most `near` past one is at that end. It is
+    held there: left alone, it would go on to its last target. `near` is the distance within which a target counts as reached.
+    """
+    target = min(max(reading, low), high)
+    return target if abs(reading - target) <= near else None
+
+
+class Axes(NamedTuple):
+    """The axes that a stop holds, in the order in which they are read: names, readings, targets of the hold, and how to show one.
+
+    A target is None for an axis whose reading is no position: it is left alone.
+    """
+
+    names: Sequence[str]
+    readings: Sequence[int]
+    targets: Sequence[int | None]
+    shown: Callable[[int], str] = str
+
+    @property
+    def left(self) -> str:
+        """The axes that are not held, with their readings; "" = none."""
+        return self._named(lambda reading, target: target is None)
+
+    @property
+    def at_end(self) -> str:
+        """What to add to the words of the hold: the axes that are held at an end, which they read past; "" = none."""
+        named = self._named(lambda reading, target: target not in (None, reading))
+        return f" ({named}: at the end of its range)" if named else ""
+
+    def _named(self, which: Callable[[int, int | None], bool]) -> str:
+        found = zip(self.names, self.readings, self.targets, strict=True)
+        return ", ".join(
+            f"{name} reads {self.shown(reading)}" for name, reading, target in found if which(reading, target)
+        )
+
+    def judge(self, stopped: Stopped, again: Sequence[int | None], power: str) -> Stopped:
+        """The result of the stop, which says which axes are not held. An error unless each was seen standing at a position.
+
+        `again` has the targets for their readings behind the stop, which stood still; [] where they were not seen.
+        """
+        if not self.left:
+            return stopped
+        text = f"{stopped.text}. Not held, because its reading is no position: {self.left}"
+        if stopped.error is None and again and None not in again:
+            return stopped._replace(text=f"{text}. {SILENCE:g} s later it stands still at a position")
+        return Stopped(text, stopped.hint or power, stopped.error or CheckFailed)
+
+
+def check_again(
+    stopped: Stopped,
     places: Callable[[], Read],
     targets: Callable[[], Read],
     wanted: Sequence[int | None],
-    still: int,
-    held: Sequence[int] = (),
-) -> Generator[StopStep, Pieces, str]:
-    """After a silence: what is commanded now, and whether it moves. What speaks against a stop, in words; "" = nothing.
+    noise: int,
+    held: Sequence[int | None] = (),
+) -> Generator[StopStep, Pieces, tuple[Stopped, list[int]]]:
+    """After a silence: what is commanded now, and whether it stands still. The result of the stop, and the last positions.
 
-    `wanted` is what the stop has commanded, None where it has not; `still` the most that standing places differ by; `held`
-    the places where it is to stay: on a slow line it still comes back to these.
+    `wanted` is what the stop has commanded, None where it has not; `noise` and `held` as in `stands_still`. An axis that
+    brakes has until the last of `LOOKS` to rest.
     """
     yield from silence()
     told = yield from targets()
     if told is not None and any(one not in (None, now) for one, now in zip(wanted, told, strict=False)):
-        return f"it is commanded to {' '.join(map(str, told))}"
-    before = yield from places()
-    if before is None:
-        return ""
-    yield from silence(BETWEEN)
+        return did_not_last(stopped, f"it is commanded to {' '.join(map(str, told))}"), []
+    moved = ""
     now = yield from places()
-    if now is None:
-        return ""
-    back = [abs(there - place) < abs(here - place) for here, there, place in zip(before, now, held, strict=False)]
-    moved = [abs(there - here) > still for here, there in zip(before, now, strict=True)]
-    if any(one and not other for one, other in zip_longest(moved, back, fillvalue=False)):
-        return f"it moves: {' '.join(map(str, before))}, then {' '.join(map(str, now))}"
-    return ""
+    for _ in range(LOOKS):
+        if now is None:
+            break
+        before = now
+        yield from silence()
+        now = yield from places()
+        if now is not None and stands_still(before, now, noise, held):
+            return stopped, now
+        moved = f"it moves: {' '.join(map(str, before))}, then {' '.join(map(str, now or ()))}"
+    return (not_seen_again(stopped) if now is None else did_not_last(stopped, moved)), []
 
 
 def instead(heard: Pieces) -> str:

@@ -5,7 +5,7 @@ It moves all fingers, and nothing but the power stops it: both are said before a
 
 from __future__ import annotations
 
-from handctl.devices.inspire.calibration import calibration_result, wait_for_calibration
+from handctl.devices.inspire.calibration import calibrating, calibration_result, wait_for_calibration
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.register_bus import POWER_OFF
@@ -38,11 +38,11 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     """Start the calibration of the worn hand and stay silent until it reports, at most 30 s (exo §2.3.6).
 
     Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
-    result says so. Raises Interrupted on Ctrl-C: no command stops a calibration.
+    result says so. Raises DeviceRefused on Ctrl-C: no command stops a calibration.
     """
     bus = hand.bus
     begun = hand.journal.ledger.mark
-    with bus.on_early_end("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration"):
+    with calibrating(hand, prompts):
         lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl still waits for the end")
         started = bus.link.now()
         prompts.say(

@@ -1,26 +1,42 @@
 """The stop of an EH55BF1: all forces to 0, then every finger is commanded to hold its position. The manual has no stop command.
 
 The forces need no place. Their answer tells where the fingers are (exo §2.2.1), and that a hand is there at all: so a hold
-is always from a place just read. The same bytes would be a write to a wrist: one quick read looks for that first.
+is always from a place just read. A finger whose reading is no position is left alone, and the others are held. The same bytes would be a write to a wrist: one quick read looks for that first.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.exo.register_map import EXO
+from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_map import ALONE
-from handctl.devices.inspire.stop_requests import QUICK, Read, Wire, answer, asks, instead, lead, seen_since
+from handctl.devices.inspire.stop_requests import (
+    QUICK,
+    Axes,
+    Read,
+    Wire,
+    answer,
+    asks,
+    check_again,
+    hold_target,
+    instead,
+    lead,
+)
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
-from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep, did_not_last
+from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
     EXO[name].address for name in ("position_set", "force_set", "position_actual")
 )
-FINGERS, MEASURED = 5, 6
-STILL = 15
-"""Counts of 1000: what stands is read alike within so many."""
+MEASURED = 6
+"""Fingers, and the rotation of the thumb, which nothing drives."""
+NEAR = 20
+"""Counts of 1000 within which a finger has reached its target (`exo.device`): so far past an end it is held at that end."""
+NOISE = 3
+"""Counts of 1000: the reading of a resting finger changes by no more (45 to 47 on an RH56 hand: rh56 §6)."""
 OF_A_WRIST = "run `handctl wrist stop`"
 POWER = "switch the power off if the hand still pushes or moves"
 
@@ -32,8 +48,13 @@ def stop_steps(context: StopContext) -> StopSequence:
     if not context.proven:
         came += yield StopStep(step, QUICK, lambda pieces: answer(pieces, wrist), reads=True, ahead=wire.first)
         if answer(came, wrist):
-            return Stopped("this is a wrist, not an exoskeleton hand. Nothing was written", OF_A_WRIST, DeviceRefused)
-    force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * FINGERS), moves=True)
+            return Stopped(
+                "this is a wrist, not an exoskeleton hand. Nothing was written",
+                OF_A_WRIST,
+                DeviceRefused,
+                stranger=True,
+            )
+    force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * len(FINGERS)), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late = "", False
     for _ in range(attempts(context)):
@@ -41,8 +62,9 @@ def stop_steps(context: StopContext) -> StopSequence:
         came += heard.came
         if heard.found is None:
             break
-        places = eb90.unpack_s16(heard.found.payload)[:FINGERS]
-        step, taken, meaning = hold(number, places)
+        places = eb90.unpack_s16(heard.found.payload)[: len(FINGERS)]
+        axes = Axes(FINGERS, places, [hold_place(place) for place in places])
+        step, taken, meaning = hold(number, axes.targets)
         # on a slow line as long as the forces have taken
         pieces = yield StopStep(
             step,
@@ -51,28 +73,24 @@ def stop_steps(context: StopContext) -> StopSequence:
         )
         if answer(pieces, taken) is None:
             continue
-        wanted: list[int | None] = [*(places if meaning.startswith("hold") else [None] * FINGERS), *[0] * FINGERS]
+        wanted: list[int | None] = [*axes.targets, *[0] * len(FINGERS)]
         now = yield from _targets(wire)
         if now is not None and not _alike(wanted, now):
             if not late:
                 late = True  # the answer was that of a force that was commanded before: it begins alike
                 continue
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
-        done = f"the hand acknowledged two commands: all forces to 0, then {meaning}. The manual documents no stop"
-        against = yield from seen_since(
-            lambda: wire.values(POSITION_ACTUAL, MEASURED),
-            lambda: _targets(wire),
-            wanted,
-            STILL,
-            places,
+        done = f"the hand acknowledged two commands: all forces to 0, then {meaning}{axes.at_end}. The manual documents no stop"
+        stopped, last = yield from check_again(
+            Stopped(done), lambda: _places(wire), lambda: _targets(wire), wanted, NOISE, axes.targets
         )
-        return did_not_last(Stopped(done), against) if against else Stopped(done)
+        return axes.judge(stopped, [hold_place(place) for place in last], POWER)
     if meaning:
         text = f"the hand acknowledged the command that sets all forces to 0, but not the next one: {meaning}"
         return Stopped(text, POWER, NoAnswer)
     if answer(came, wrist):
         text = "handctl commanded all forces to 0, but a wrist replied instead of an exoskeleton hand. The wrist was not stopped"
-        return Stopped(text, OF_A_WRIST, DeviceRefused)
+        return Stopped(text, OF_A_WRIST, DeviceRefused, stranger=True)
     seen = instead(came)
     text = f"handctl commanded all forces to 0, but {f'no valid reply arrived: {seen}' if seen else 'no reply arrived'}"
     return Stopped(
@@ -86,17 +104,32 @@ def _alike(wanted: list[int | None], now: list[int]) -> bool:
 
 def _targets(wire: Wire) -> Read:
     """The places that it is commanded to, and the forces; None where they are not answered."""
-    places = yield from wire.values(POSITION_SET, FINGERS)
-    forces = (yield from wire.values(FORCE_SET, FINGERS)) if places is not None else None
+    places = yield from wire.values(POSITION_SET, len(FINGERS))
+    forces = (yield from wire.values(FORCE_SET, len(FINGERS))) if places is not None else None
     return None if places is None or forces is None else [*places, *forces]
 
 
-def hold(number: int, places: list[int]) -> tuple[Step, bytes, str]:
-    """The command to hold all positions, its acknowledgement, and both in words. -1 for a position that is no valid target."""
-    if len(places) == FINGERS and all(0 <= place <= 1000 for place in places):
-        meaning = f"hold at {' '.join(map(str, places))}"
+def _places(wire: Wire) -> Read:
+    """The positions of the five fingers. Nothing drives the sixth, the rotation of the thumb: only its wearer moves it."""
+    places = yield from wire.values(POSITION_ACTUAL, MEASURED)
+    return None if places is None else places[: len(FINGERS)]
+
+
+def hold_place(place: int) -> int | None:
+    """Where to hold a finger; None if its reading is no position. -1, the mark for no value (exo §2.3.7), is none."""
+    return None if place == ALONE else hold_target(place, 0, 1000, NEAR)
+
+
+def hold(number: int, targets: Sequence[int | None]) -> tuple[Step, bytes, str]:
+    """The command to hold the fingers, its acknowledgement, and both in words. None for a finger that is left alone.
+
+    The command for all five has no value for that, but their registers have one (exo §2.2.2, §2.3.7).
+    """
+    places = [ALONE if target is None else target for target in targets]
+    held = f"hold at {' '.join(map(str, places))}"
+    if None not in targets:
         data, prefix = eb90.command_request(number, eb90.POSITION_COMMAND, places), eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)  # fmt: skip
-    else:
-        meaning = f"move no finger (position_set {ALONE})"
-        data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16([ALONE] * FINGERS)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
+        return Step(held, data, moves=True), prefix, held
+    meaning = f"move no finger (position_set {ALONE})" if not any(target is not None for target in targets) else held
+    data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16(places)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
     return Step(meaning, data, moves=True), prefix, meaning

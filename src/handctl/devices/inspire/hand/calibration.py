@@ -6,7 +6,7 @@ meanwhile, and nothing stops it but the power.
 
 from __future__ import annotations
 
-from handctl.devices.inspire.calibration import calibration_result, wait_for_calibration
+from handctl.devices.inspire.calibration import calibrating, calibration_result, wait_for_calibration
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.errors import Hint
@@ -23,7 +23,7 @@ RESTING = 50
 
 
 def calibrate(hand: Hand, prompts: Prompts) -> Table:
-    """Start it after a countdown, wait for its end, show the forces then. Raises Interrupted on Ctrl-C."""
+    """Start it after a countdown, wait for its end, show the forces then. Raises DeviceRefused on Ctrl-C once it runs."""
     hand.identify()
     bus, register = hand.bus, hand.map["calibrate_force"]
     before = hand.read(elements_of(hand.map["force_actual"]))
@@ -33,7 +33,7 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
         bus.check_bound("the calibration")
     prompts.done()
     begun = hand.journal.ledger.mark
-    with bus.on_early_end("the hand is still calibrating", POWER_OFF):
+    with calibrating(hand, prompts):
         lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
         prompts.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
         seconds = LISTEN if bus.reports else WAIT

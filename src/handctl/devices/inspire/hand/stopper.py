@@ -17,16 +17,16 @@ from handctl.devices.inspire.hand.model_and_protocol import map_of, over_tcp
 from handctl.devices.inspire.hand.register_map import MAPS, HandRegister
 from handctl.devices.inspire.identity import STATES, TABLE, is_five_wide, is_six_wide, within
 from handctl.devices.inspire.register_bus import Span
-from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, lead, seen_since
+from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, RTU, TAKEN, TCP, Read, Wire, check_again, lead
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import ParamMap
 from handctl.model.stop_repetition import REPEAT_FOR, after_late_replies, repeat_until_answered
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep
 
 BRIEF = 0.3
 """Seconds for each protocol where both are tried, before both are tried for longer."""
-STILL = 15
-"""Counts of 1000: what stands is read alike within so many."""
+NOISE = 3
+"""Counts of 1000: the reading of a resting finger changes by no more (45 to 47: rh56 §6)."""
 POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand still moves"
 GOES_ON = "With a new speed the fingers may move on to their last target"
 LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it still moves"
@@ -58,7 +58,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     ]
     for wire, seconds in turns:
         stopped = yield from _stop(context._replace(within=seconds), wire)
-        if stopped.error not in (NoAnswer, ProtocolError):
+        if stopped.heard or stopped.error not in (NoAnswer, ProtocolError):
             return stopped
         failed.append(stopped)
     return next((one for one in failed if one.error is ProtocolError), failed[-1])
@@ -111,12 +111,13 @@ def _speed_0(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator
 
 
 def _lasting(wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
-    """After an acknowledged speed 0: whether it lasts."""
+    """After an acknowledged speed 0: whether it lasts. The protocol is known by now, so a late hand gets the usual time."""
+    wire = wire._replace(context=wire.context._replace(within=REPEAT_FOR))
     register = hand["speed_set"]
     stopped = Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
     places = lambda: _values(wire, hand["angle_actual"])  # noqa: E731
-    against = yield from seen_since(places, lambda: _values(wire, register), [0] * register.count, STILL)
-    return did_not_last(stopped, against) if against else stopped
+    stopped, _ = yield from check_again(stopped, places, lambda: _values(wire, register), [0] * register.count, NOISE)
+    return stopped
 
 
 def _quick(wire: Wire, span: Span) -> Generator[StopStep, Pieces, bytes | None]:
@@ -149,9 +150,9 @@ def _other(states: bytes) -> Stopped:
     """A device that answers and is no hand of byte addresses: nothing was written to it."""
     if is_five_wide(within([(STATES[0], states)])):
         text = "this looks like an EH55BF1 exoskeleton hand. Nothing was written"
-        return Stopped(text, "stop it with `handctl exo stop`", DeviceRefused)
+        return Stopped(text, "stop it with `handctl exo stop`", DeviceRefused, stranger=True)
     text = "this device does not look like an RH56 hand with byte addresses. Nothing was written"
-    return Stopped(text, LABEL, DeviceRefused)
+    return Stopped(text, LABEL, DeviceRefused, stranger=True)
 
 
 def _values(wire: Wire, register: HandRegister) -> Read:

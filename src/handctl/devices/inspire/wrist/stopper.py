@@ -1,10 +1,13 @@
 """The stop of a wrist module: both axes are commanded to hold their position, because its manual has no stop command.
 
-That needs their angles, and so they are read anew for every hold. On a serial line that nobody has met a wrist on, a question
+That needs their angles, and so they are read anew for every hold. An axis whose reading is no angle of it is left alone, and
+the other one is held by its own register. On a serial line that nobody has met a wrist on, a question
 goes before that no other device acts upon. Whatever else may answer, only a wrist's own bytes go out.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.stop_requests import (
@@ -12,22 +15,28 @@ from handctl.devices.inspire.stop_requests import (
     EB90,
     REFUSED,
     TAKEN,
+    Axes,
     Wire,
     answer,
     asks,
+    check_again,
+    hold_target,
     instead,
     lead,
-    seen_since,
 )
-from handctl.devices.inspire.wrist.register_map import WRIST
+from handctl.devices.inspire.wrist.register_map import PITCH_RANGE, WRIST, YAW_RANGE
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence
 
 ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
 """With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
-STILL = 20
-"""0.01 degrees: what stands is read alike within so many."""
+NEAR = 50
+"""0.01 degrees within which an axis has reached its target (`wrist.device`): so far past an end it is held at that end."""
+NOISE = 5
+"""0.01 degrees: the reading of a resting axis changes by no more."""
+AXES = ("pitch", "yaw")
+"""In the order of the actual angles; the set angles lie the other way round (wrist §2.1)."""
 POWER = "switch the power off if it still moves"
 
 
@@ -46,13 +55,15 @@ def stop_steps(context: StopContext) -> StopSequence:
         told = yield from repeat_until_answered(context, asked, found, reads=True)
         if told.found is None:
             return _unanswered(told.came)
-        here = pitch, yaw = eb90.unpack_s16(told.found)
-        at = f"pitch {pitch / 100:.2f}°, yaw {yaw / 100:.2f}°"
-        if not (WRIST["pitch_set"].allowed(pitch / 100) and WRIST["yaw_set"].allowed(yaw / 100)):
-            text = f"the angles ({at}) are outside the documented range, so nothing was commanded"
+        here = eb90.unpack_s16(told.found)
+        axes = Axes(AXES, here, _targets(here), lambda reading: f"{reading / 100:.2f}°")
+        held = [(name, target) for name, target in zip(AXES, axes.targets, strict=True) if target is not None]
+        if not held:
+            text = f"no angle is in the documented range ({axes.left}), so nothing was commanded"
             return Stopped(text, POWER, CheckFailed)
-        meaning = f"stay at {at}"
-        step, verdict = wire.writing(ANGLES_SET, eb90.pack_s16([yaw, pitch]), meaning)
+        meaning = f"stay at {', '.join(f'{name} {target / 100:.2f}°' for name, target in held)}"
+        first = WRIST[f"{held[-1][0]}_set"].address
+        step, verdict = wire.writing(first, eb90.pack_s16([target for _, target in reversed(held)]), meaning)
         pieces = yield StopStep(
             step,
             max(interval(context), told.seconds),
@@ -62,14 +73,27 @@ def stop_steps(context: StopContext) -> StopSequence:
         if taken == REFUSED:
             return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
         if taken == TAKEN:
-            done = f"the wrist was commanded to {meaning} and acknowledged it. The manual documents no stop"
-            against = yield from seen_since(
-                lambda: wire.values(ANGLES, 2), lambda: wire.values(ANGLES_SET, 2), [yaw, pitch], STILL, here
+            done = (
+                f"the wrist was commanded to {meaning}{axes.at_end} and acknowledged it. The manual documents no stop"
             )
-            return did_not_last(Stopped(done), against) if against else Stopped(done)
+            stopped, last = yield from check_again(
+                Stopped(done),
+                lambda: wire.values(ANGLES, 2),
+                lambda: wire.values(ANGLES_SET, 2),
+                axes.targets[::-1],
+                NOISE,
+                axes.targets,
+            )
+            return axes.judge(stopped, _targets(last), POWER)
         if told.seconds > interval(context):
             yield from silence(told.seconds)  # answers to repetitions tell where it was
     return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
+
+
+def _targets(angles: Sequence[int]) -> list[int | None]:
+    """Where to hold the axes that read these angles, both in 0.01 degrees."""
+    ranges = [(round(low * 100), round(high * 100)) for low, high in (PITCH_RANGE, YAW_RANGE)]
+    return [hold_target(angle, *limits, NEAR) for angle, limits in zip(angles, ranges, strict=False)]
 
 
 def _unanswered(heard: Pieces) -> Stopped:
