@@ -62,7 +62,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'wrist terminal' { $found.opts = '--hex --wait -h --help --serial --can'; $found.takes = '--wait=none'; $found.args = 'none*' }
         'wrist hand-read' { $found.opts = '-h --help --serial --can'; $found.args = 'none none'; $found.lacks = '-n --dry-run -y --yes --history' }
         'wrist write' { $found.opts = '-h --help --serial --can'; $found.args = 'none none' }
-        'wrist hand-write' { $found.opts = '--force-ambiguous -h --help --serial --can'; $found.args = 'none none' }
+        'wrist hand-write' { $found.opts = '--undocumented --force-ambiguous -h --help --serial --can'; $found.args = 'none none' }
         'wrist raw' { $found.opts = '--wait --force-ambiguous -h --help --serial --can'; $found.takes = '--wait=none'; $found.args = 'none*' }
         'wrist snapshot' { $found.opts = '-h --help --serial --can'; $found.args = 'file'; $found.lacks = '-n --dry-run -y --yes --history' }
         'wrist diff' { $found.opts = '--setpoints -h --help --serial --can'; $found.args = 'file file'; $found.lacks = '-n --dry-run -y --yes --history' }

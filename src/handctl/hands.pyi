@@ -341,11 +341,12 @@ class Wrist(Device):
         address: Value,
         data: Value,
         *,
+        undocumented: bool = False,
         force_ambiguous: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
-        """Write bytes to registers of the hand, not of the wrist. Asks first."""
+        """Write bytes to registers of the hand, not of the wrist, and read them back. Asks first."""
     def raw(
         self,
         *data: str,

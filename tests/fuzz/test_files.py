@@ -77,7 +77,6 @@ SIGNED: dict[str, Change] = {  # with a checksum that fits, so that the content 
 }  # fmt: skip
 RAW: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda data: b"",
-    "BOM": lambda data: b"\xef\xbb\xbf" + data,
     "UTF-16": lambda data: data.decode().encode("utf-16"),
     "NUL": lambda data: data[:50] + b"\0" + data[50:],
     "cut": lambda data: data[: len(data) // 2],

@@ -319,7 +319,9 @@ def test_what_was_stopped_is_not_stopped_again() -> None:
 
 def test_a_line_whose_stop_failed_ends_the_batch() -> None:
     """Also with --keep-going: somebody wants an end, and the hand may still move."""
-    with mock.patch("handctl.devices.inspire.exo.device.calibrate", side_effect=DeviceRefused("no", code=NOT_STOPPED)):
+    with mock.patch(
+        "handctl.devices.inspire.exo.calibration.calibrate", side_effect=DeviceRefused("no", code=NOT_STOPPED)
+    ):
         result = batch("exo calibrate -y", GET, more=("--json", "--keep-going"))
     assert (result.code, [end["command"] for end in ends(result)[:-1]]) == (6, ["exo calibrate"])
 
@@ -345,3 +347,10 @@ def test_a_write_stands_in_the_record_as_often_as_it_went_out(link: str, line: s
         written = [row["bytes"] for row in one["end"]["writes"]]
         assert written and len(set(written)) == len(written), one["end"]["writes"]
         assert not [row for row in one["end"]["writes"] if "count" in row or row["state"] == "sent"]
+
+
+@pytest.mark.parametrize("first", ["exo get id", "exo status", "exo set force_set.index=310"])
+def test_a_write_behind_a_read_stands_in_the_record(first: str) -> None:
+    """The first line of a session may have nobody to tell what passes."""
+    ended = ends(batch(first, "exo set force_set.index=330", more=("-y", "--json"), link=fake()))[1]["end"]
+    assert [(row["state"], row["bytes"][:2]) for row in ended["writes"]] == [("confirmed", "EB")]

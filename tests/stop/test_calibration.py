@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.inspire.exo.device import calibrate
+from handctl.devices.inspire.exo.calibration import calibrate
 from handctl.errors import DeviceRefused, HandctlError
 from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts

@@ -220,7 +220,8 @@ def restore(
 
 def _tell_other_device(run: Run, path: str, content: Mapping[str, Any], device: Device) -> None:
     """Warn where the snapshot is of a device with another serial number."""
-    theirs = content["device"].get("serial_number")
+    said = content.get("device")
+    theirs = said.get("serial_number") if isinstance(said, dict) else None
     ours = device.identity().get("serial_number") if theirs else None
     if ours and ours != theirs:
         text = f"{path} is a snapshot of another device: serial number {theirs}, and this one has {ours}"

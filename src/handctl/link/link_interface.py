@@ -98,7 +98,8 @@ class Link(ABC):
     fake      True when a simulator in this process answers
     replayed  True when a transcript plays the device
     held      descriptors that keep others off the device (locks)
-    observers who is told of what passes, see `tap.observed`
+    observers who is told of what passes, see `transcript.observed`
+    overheard whether what passes is told at all
     over      nothing can come any more: a transcript that has been played to its end
     """
 
@@ -108,6 +109,7 @@ class Link(ABC):
     over: bool = False
     held: tuple[int, ...] = ()
     observers: tuple[Any, ...] = ()
+    overheard: bool = False
 
     at_once = Deadline(float, float("-inf"))
     """Over on any clock: for what has arrived, without a wait."""

@@ -123,7 +123,8 @@ class Observer(Protocol):
 def observed(link: L, observer: Observer) -> L:
     """Send all traffic of this link to `observer` from now on; returns the link."""
     observer.opened(link.now())
-    if "observers" not in vars(link):  # once: between two commands of a session there may be no observer
+    if not link.overheard:  # once: between two commands of a session there may be no observer
+        link.overheard = True
         _overheard(link)
     link.observers = (*link.observers, observer)
     return link
