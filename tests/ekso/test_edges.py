@@ -19,6 +19,7 @@ from handctl.record import csv_and_sidecar as recording_module
 from handctl.record.recording_loop import Limits
 from tests.ekso.recordings import Device, opened, recorded, steady
 from tests.ekso.support import DATE, TIME, Unit, codes, ekso_on, frame, port_on
+from tests.support.each_row import each_row
 
 
 def writer_of(folder: Path, unit: Unit) -> Ekso:
@@ -81,7 +82,7 @@ def test_an_entry_that_the_system_takes_in_pieces_is_whole(tmp_path: Path, monke
 # -- reading ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("what", "body", "wrong"),
     [
         ("date", (26, 0, 20), "month 0"),
