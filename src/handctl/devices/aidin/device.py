@@ -11,7 +11,7 @@ from contextlib import AbstractContextManager, contextmanager
 from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
-from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, AidinParam, Mode, some
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, AidinParam, Mode, some
 from handctl.devices.aidin.stopper import FLOWED, flow
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
@@ -24,7 +24,6 @@ from handctl.model.stop_sequence import StopContext, Stopped
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
-LARGEST_RADIAN = 6.3
 MOST_ERRORS = 5
 """As many as there are keys: more of them are counted."""
 NO_ANGLE = "is not an angle in radians (possibly degrees)"

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import inf
 
-from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, some
+from handctl.devices.aidin.parameter_map import AIDIN, LARGEST_RADIAN, AidinParam, some
 from handctl.errors import CheckFailed, Hint
 from handctl.model.param import Number
 
@@ -94,6 +94,8 @@ class FeedbackGuard:
         before = self._last.get(param.key)
         if before is None or before == now:
             return
+        if param.angles and any(abs(number) > LARGEST_RADIAN for number in (*before, *now)):
+            return  # no radians: whoever reads them says so
         begun, count = self._begun[param.key]
         since = at - self._at[param.key]
         usual = (self._at[param.key] - begun) / count if count else 0.0  # several objects may come at once

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 from math import ceil, degrees, isfinite, radians
 
 from handctl.devices.aidin.device import (
-    LARGEST_RADIAN,
     NO_ANGLE,
     AidinHand,
     in_force,
@@ -31,7 +30,16 @@ from handctl.devices.aidin.exchange import Feedback, Wire, values_of
 from handctl.devices.aidin.exchange_settings import PERIOD
 from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
 from handctl.devices.aidin.homing_and_bias import MAX_TORQUE_SECONDS, check_homed, connect_or_command, named
-from handctl.devices.aidin.parameter_map import AIDIN, CURRENTS, AidinParam, Mode, Target, both_ranges, some
+from handctl.devices.aidin.parameter_map import (
+    AIDIN,
+    CURRENTS,
+    LARGEST_RADIAN,
+    AidinParam,
+    Mode,
+    Target,
+    both_ranges,
+    some,
+)
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, UsageError
 from handctl.model import movement
 from handctl.model.movement import (

@@ -33,6 +33,10 @@ class Mode(IntEnum):
     CURRENT = 41
 
 
+LARGEST_RADIAN = 6.3
+"""An angle beyond this is none in radians (possibly degrees)."""
+
+
 @fast_dataclass(frozen=True, kw_only=True)
 class AidinParam(Param):
     """A Param with its JSON key.
