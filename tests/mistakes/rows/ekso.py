@@ -210,8 +210,8 @@ ROWS = (
         "one witness believed",
         "handctl.record.timeline",
         "Timeline.place",
-        "if parted and boot_ms <= moment.since(last.moment).most + WITHIN_MS:",
-        "if parted and boot_ms < last.boot_ms:",
+        "elif parted and boot_ms <= moment.since(last.moment).most + WITHIN_MS:",
+        "elif parted and boot_ms < last.boot_ms:",
         "tests/ekso/test_recording.py::test_what_a_restart_cannot_have_counted_is_no_proof_of_one",
     ),
     mistake(

@@ -687,8 +687,8 @@ ROWS = (
         "question skipped",
         "handctl.devices.inspire.hand.device",
         "",
-        'Release("speed_set", "speed_set", lambda now, new: now == 0 and new > 0),',
-        'Release("speed_set", "speed_set", lambda now, new: now == 0 and new < 0),',
+        'Release("speed_set", "speed_set", lambda _, new: new > 0),',
+        'Release("speed_set", "speed_set", lambda _, new: new < 0),',
         "tests/inspire/test_rh56_arrival.py::test_a_speed_that_lets_a_finger_go_on_is_asked_for",
     ),
     mistake(

@@ -530,8 +530,8 @@ ROWS = (
         "false success",
         "handctl.model.movement",
         "Watch._arrival",
-        "return Arrival(axis.goal, value, BLOCKED, seen.blocked)",
-        "return Arrival(axis.goal, value, REACHED)",
+        "return Arrival(goal, value, BLOCKED, blocked)",
+        "return Arrival(goal, value, REACHED)",
         "tests/contract/test_truth.py::test_nothing_arrives_that_is_blocked",
     ),
     mistake(
