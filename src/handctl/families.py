@@ -56,6 +56,7 @@ class FamilyRow:
                 page     optional, see `docgen.man_sections`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
+    beside    the family that may be behind the same link as well, "" = none
     tcp_port  port of its device's server, for tcp://HOST without one; None = the port must be given
     scan      its turn in `handctl scan`, the lowest first: what could disturb others comes late
     tell      its turn when recorded bytes tell whose they are: who takes more for his own comes later
@@ -69,6 +70,7 @@ class FamilyRow:
     package: str
     codec: str
     tcp_port: int | None = None
+    beside: str = ""
     scan: int = 100
     tell: int = 100
     options: tuple[OwnOption, ...] = ()
@@ -102,6 +104,7 @@ FAMILIES: dict[str, FamilyRow] = {
         "Inspire wrist module for dexterous hands (RS-232, RS-485, CAN)",
         "handctl.devices.inspire.wrist",
         codec="handctl.devices.inspire.eb90",
+        beside="hand",
         scan=2,
         tell=2,
         facts=_GAPS,

@@ -171,7 +171,10 @@ def test_another_device_than_the_last_one_is_stopped(before: str, bench: Bench) 
         wanted = run(there, "stop", "--json", "-p", f"fake://{there}?clock=virtual")
         rows = [row["bytes"] for row in result.rows]
         code = 4 if (before, there) == ("wrist", "hand") else 0  # the wrist may be there all the same, and move
-        assert result.code == code and rows[-len(wanted.rows) :] == [row["bytes"] for row in wanted.rows], (there, result)
+        assert result.code == code and rows[-len(wanted.rows) :] == [row["bytes"] for row in wanted.rows], (
+            there,
+            result,
+        )
         assert [row["step"] for row in result.rows] == list(range(1, len(rows) + 1))
         assert ("other-device" in result.codes()) == (there != before), (there, result)
         assert result.json["device"]["kind"] == there and result.json["writes"][-1]["state"] != "not-sent"

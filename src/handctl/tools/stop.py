@@ -66,7 +66,7 @@ def _other_stopped(run: Run, first: Table) -> Table | None:
     run.journal.ledger.words = None  # those of the family before
     then = stop_command.stop(run)
     then.rows = [{**row, "step": at} for at, row in enumerate([*first.rows, *then.rows], 1)]
-    if {family.kind, found} == ON_ONE_LINE:
+    if FAMILIES[family.kind].beside == found:  # that this one replies does not show that the other is gone
         then.failure = then.failure or failure
     return then
 
@@ -91,8 +91,6 @@ def _kind(run: Run) -> str:
 # -- whose the device at a LINK is, told by what is kept, else by who answers ------------------------------------------
 
 
-ON_ONE_LINE = {"wrist", "hand"}
-"""A wrist module and the hand behind it: that one replies does not show that the other is gone."""
 SECONDS = 0.5
 """For all questions together: by then the bytes of the stop have to go out."""
 EACH = 0.03
