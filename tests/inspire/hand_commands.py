@@ -62,7 +62,7 @@ READING = (
     Command("pair", "read", ("pair",)),  # no person sees a hand move: nothing is sent
 )
 WRITING = (
-    Command("set", "write", ("set", "speed_set.index=300"), (SPEED_300,)),
+    Command("set", "write", ("set", "speed_set.index=300"), (SPEED_300,), asks=True),
     Command("set-angle", "write", ("set", "angle_set.index=300"), (INDEX_300,), asks=True),
     Command("write", "write", ("write", "1528", "2C01"), (SPEED_300,), asks=True),
     Command("angle", "write", ("angle", "-1", "-1", "-1", "300", "-1", "-1"), (INDEX_300,), asks=True),

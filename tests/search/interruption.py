@@ -57,9 +57,9 @@ F1 = "motors"
 M = "get motor_pos"
 """The same of an AIDIN-hand: m1 m2 m3 of thumb, index, …"""
 OPENED = (
-    "speed 1000 1000 1000 1000 1000 1000",
+    "speed 1000 1000 1000 1000 1000 1000 -y",
     "angle 900 900 900 900 900 900 -y --wait 4",
-    "speed 400 400 400 400 400 400",
+    "speed 400 400 400 400 400 400 -y",
 )
 HAND = "get 1546 12"
 """An RH56 hand that is open, and moves so slowly that an interruption meets it on its way; where its fingers are."""
@@ -119,7 +119,7 @@ def moves(wire: str) -> list[Case]:
         Case(wire, "write 1486 6400C800 -y", 0.05, is_("get 1486 4", "64 00 C8 00"), OPENED, still=HAND),
         Case(wire, "restore {}/hand.json -y", 0.15, is_("get 1032 2", "2C 01"), ("set default_speed.little=300", "snapshot {}/hand.json", "set default_speed.little=301")),
         Case(wire, "stop", 0.08, is_("get 1522 12", " ".join(["00"] * 12)), OPENED, still=HAND),
-        Case(wire, "id 7 -y", 0.7, hand_7 if wire == "hand" else nothing) if wire == "hand" else Case(wire, "speed 50 -1 -1 50 -1 -1", 0.05, is_("get 1522 2", "32 00"), ("speed 60 -1 -1 60 -1 -1",)),
+        Case(wire, "id 7 -y", 0.7, hand_7 if wire == "hand" else nothing) if wire == "hand" else Case(wire, "speed 50 -1 -1 50 -1 -1 -y", 0.05, is_("get 1522 2", "32 00"), ("speed 60 -1 -1 60 -1 -1 -y",)),
     ]  # fmt: skip
 
 
@@ -212,8 +212,8 @@ CASES = [
     Case("exo", "baud 57600 -y", 0.03, is_("get 1001 1", "01"), ("baud 115200 -y",)),
     Case("exo", "baud 57600 -y --save", 1.1, is_("get 1001 1", "01"), ("baud 115200 -y",)),
     *(case for wire in ("hand", "hand-can", "hand-rtu", "hand-tcp") for case in moves(wire)),
-    Case("hand", "set speed_set.index=50", 0.03, is_("get 1528 2", "32 00"), ("set speed_set.index=60",)),
-    Case("hand", "speed 50 -1 -1 50 -1 -1", 0.03, is_("get 1522 2", "32 00"), ("speed 60 -1 -1 60 -1 -1",)),
+    Case("hand", "set speed_set.index=50 -y", 0.03, is_("get 1528 2", "32 00"), ("set speed_set.index=60 -y",)),
+    Case("hand", "speed 50 -1 -1 50 -1 -1 -y", 0.03, is_("get 1522 2", "32 00"), ("speed 60 -1 -1 60 -1 -1 -y",)),
     Case("hand", "force 200 -1 -1 300 -1 -1", 0.03, is_("get 1498 2", "C8 00"), ("force 201 -1 -1 301 -1 -1",)),
     Case("hand", "clear-errors", 0.05),
     Case("hand", "raw EB 90 01 05 12 D4 05 2C 01 1E -y --wait 0.1", 0.12, is_("get 1492 2", "2C 01"), OPENED),

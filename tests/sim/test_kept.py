@@ -21,7 +21,7 @@ from tests.support.virtual import virtual_time
 WRITES = {  # a change that needs no homing, and where it is read
     "exo": (("set", "position_set.index=300"), ("get", "position_set.index"), "300"),
     "wrist": (("move", "--pitch", "-10", "--time", "50"), ("get", "pitch_actual"), "-10.0"),
-    "hand": (("set", "speed_set.index=300"), ("get", "speed_set.index"), "300"),
+    "hand": (("set", "speed_set.index=300", "-y"), ("get", "speed_set.index"), "300"),
     "barrett": (("set", "MCV=80", "--motors", "1"), ("get", "MCV.F1"), "80"),
     "ekso": (("set", "step_length=15.50", "--operator", "test"), ("get", "step_length"), "15.5"),
     "aidin": (("bias",), ("get", "sensor_state.index.fx"), "0.0"),

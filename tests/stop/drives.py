@@ -138,9 +138,9 @@ def rh56(command: str, bench: str, reads: bytes, stop: bytes) -> Drive:
     """All speeds 0; first the hand is opened again, and made slow."""
     more = " --protocol modbus" if bench == "hand-rtu" else ""
     before = (
-        "speed 1000 1000 1000 1000 1000 1000",
+        "speed 1000 1000 1000 1000 1000 1000 -y",
         "angle 900 900 900 900 900 900 -y --wait 5",
-        "speed 100 100 100 100 100 100",
+        "speed 100 100 100 100 100 100 -y",
     )
     drive = f"{command} -y --wait 30{more}"
     return Drive(bench, drive, reads, stop, no_speed, "get 1546 12", tuple(f"{one}{more}" for one in before), 3)
