@@ -100,10 +100,12 @@ def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
         (0x00, (0, 0, 1, 0, 0), "ended", "not-calibrated"),
         (None, (0, 0, 0, 0, 0), "not reported", None),
         (None, (0, 0, 0, 0, 16), "not reported", "not-calibrated"),
+        (0x00, None, "completed", None),  # a firmware without error bits
+        (0xFF, None, "ended", "not-calibrated"),
     ],
 )
 def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
-    end: int | None, errors: tuple[int, ...], value: str, code: str | None
+    end: int | None, errors: tuple[int, ...] | None, value: str, code: str | None
 ) -> None:
     reported = [] if end is None else [(3.0, f"90 EB 01 04 11 02 00 {end:02X} {(0x18 + end) % 256:02X}")]
     link = calibrating((0.0, CALIBRATE_ACK), *reported)
@@ -113,6 +115,8 @@ def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
         start, count = int.from_bytes(request[5:7], "little"), request[7]
         if request[4] != 0x11 or not start <= 1606 < start + count:
             return plain(request)
+        if errors is None:
+            return []
         memory = bytearray(count)
         memory[1606 - start : 1611 - start] = bytes(errors)
         return [(0.0, reply_to(request, bytes(memory)))]
@@ -122,7 +126,7 @@ def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
     assert table.rows[0]["value"] == value
     assert (table.failure.code if table.failure else None) == code
     assert table.failure is None or table.failure.exit_code == 7
-    assert [row["value"] for row in table.rows if row["name"] == "error"] == [one for one in errors if one]
+    assert [row["value"] for row in table.rows if row["name"] == "error"] == [one for one in errors or () if one]
 
 
 def test_ack_and_end_of_calibration_in_one_piece() -> None:

@@ -125,6 +125,15 @@ ROWS = (
         "tests/inspire/test_exo_raw.py::test_a_frame_among_other_bytes_is_planned_as_it_is_alone",
     ),
     mistake(
+        "inspire-a-firmware-without-error-bits-is-never-calibrated",
+        "false silence",
+        "handctl.devices.inspire.calibration",
+        "calibration_result",
+        "after = hand.present(after)  # a firmware without error bits has none that could speak against it",
+        "pass",
+        "tests/inspire/test_exo_motion.py::test_calibration_is_judged_by_its_report_and_by_the_errors_after_it",
+    ),
+    mistake(
         "inspire-any-report-is-a-calibration",
         "success without evidence",
         "handctl.devices.inspire.calibration",

@@ -49,6 +49,7 @@ def calibration_result(
     ``completed`` only where the end was reported with 00 and no actuator reports an error. The meaning of another byte is open:
     FF is a save that failed (RH56 ch. 3 ex. 4, 5).
     """
+    after = hand.present(after)  # a firmware without error bits has none that could speak against it
     said = frame.data if frame is not None else None
     faults = [
         Finding(f"{one.element.part}: {label}", tuple(label.split(", ")))
