@@ -31,7 +31,7 @@ from handctl.link.deadman import LARGEST, EarlyWrite, _pack, _unpack, guard_link
 from handctl.link.device_lock import InUse, hold
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, StopPlan, stop_sequence_of
-from handctl.system import watchdog_process
+from handctl.system import deadman_process
 from tests.support.cli import PATIENCE, wait_until
 from tests.support.each_row import each_row
 
@@ -373,13 +373,13 @@ def test_a_guard_that_was_killed_is_replaced(place: Place) -> None:
 
 def test_a_guard_that_has_gone_or_acted_is_seen_before_the_next_frame(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that has gone is replaced; one that has acted ends the command as by Ctrl-C."""
-    states, started, told = ["lives", "gone", "lives", "acts"], list[watchdog_process.Job](), list[str]()
+    states, started, told = ["lives", "gone", "lives", "acts"], list[deadman_process.Job](), list[str]()
     monkeypatch.setattr(
-        watchdog_process, "started", lambda job: started.append(job) or watchdog_process.WatchdogChild(1, -1, -1)
+        deadman_process, "started", lambda job: started.append(job) or deadman_process.DeadmanChild(1, -1, -1)
     )
-    monkeypatch.setattr(watchdog_process, "state", lambda _heir: states.pop(0))
-    monkeypatch.setattr(watchdog_process, "ended", lambda _heir: None)
-    monkeypatch.setattr(watchdog_process, "finished", lambda _heir, _seconds: None)
+    monkeypatch.setattr(deadman_process, "state", lambda _heir: states.pop(0))
+    monkeypatch.setattr(deadman_process, "ended", lambda _heir: None)
+    monkeypatch.setattr(deadman_process, "finished", lambda _heir, _seconds: None)
     link = WayOut(-1)
     with pytest.raises(KeyboardInterrupt), guard_link(link, stop, lambda code, *_: told.append(code)):
         for count in (1, 1, 2, 2):
@@ -450,8 +450,8 @@ def test_a_job_is_the_same_in_another_process() -> None:
         assert way is not None
         way.before, way.note_unfinished = (lambda: None), (lambda _rest: None)  # of a guard, which stays here
         plan = StopPlan(partial(stop_sequence_of, "wrist"), context._replace(powered=power))
-        job = watchdog_process.Job(
-            7, (), partial(deadman._stop_and_close, way, plan), watchdog_process.message(b"text", 0.5), 3.0
+        job = deadman_process.Job(
+            7, (), partial(deadman._stop_and_close, way, plan), deadman_process.message(b"text", 0.5), 3.0
         )
         there = pickle.loads(pickle.dumps(job))  # noqa: S301 - our own
         gone, told = there.act.args
@@ -464,14 +464,14 @@ def test_a_job_is_the_same_in_another_process() -> None:
 
 def test_of_many_messages_the_last_one_counts() -> None:
     first, last, pulse = (
-        watchdog_process.message(b"a", 0.0),
-        watchdog_process.message(b"b", 0.5),
-        watchdog_process.PULSE,
+        deadman_process.message(b"a", 0.0),
+        deadman_process.message(b"b", 0.5),
+        deadman_process.PULSE,
     )
     stream = first + pulse + last + pulse
     for cut in range(len(stream) + 1):
-        told, rest = watchdog_process._heard(b"before", stream[:cut])
-        told, rest = watchdog_process._heard(told, rest + stream[cut:])
+        told, rest = deadman_process._heard(b"before", stream[:cut])
+        told, rest = deadman_process._heard(told, rest + stream[cut:])
         assert (told, rest) == (last[2:], b"")
 
 
@@ -483,7 +483,7 @@ def test_messages_come_back_as_they_went() -> None:
     for owed in (b"", b"x", bytes(300)):
         text = _pack(owed, first)
         assert _unpack(text) == (owed, first)
-        assert watchdog_process.message(text, 0.5) == (len(text) + 2).to_bytes(2, "big") + b"\x01\xf4" + text
+        assert deadman_process.message(text, 0.5) == (len(text) + 2).to_bytes(2, "big") + b"\x01\xf4" + text
 
 
 def test_a_message_goes_whole_or_not_at_all() -> None:

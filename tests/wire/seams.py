@@ -22,7 +22,7 @@ from handctl.link import deadman, port_users
 from handctl.link.fake import FakeFrames, FakeLink
 from handctl.link.link_interface import RawAccess
 from handctl.stop.device_access import DeviceAccess
-from handctl.system import watchdog_process
+from handctl.system import deadman_process
 from handctl.tools import doctor, port_inventory
 
 SPEAKS = ((FakeLink, "write"), (FakeFrames, "send"))
@@ -182,16 +182,16 @@ class Child:
 
     def __init__(self, wire: Wire) -> None:
         self.wire = wire
-        self._job: watchdog_process.Job | None = None
+        self._job: deadman_process.Job | None = None
         self._told = -1
 
-    def started(self, job: watchdog_process.Job) -> watchdog_process.WatchdogChild:
+    def started(self, job: deadman_process.Job) -> deadman_process.DeadmanChild:
         self._job = job
         self._told, pipe = os.pipe()
         os.set_blocking(self._told, False)
-        return watchdog_process.WatchdogChild(1, pipe, -1)
+        return deadman_process.DeadmanChild(1, pipe, -1)
 
-    def ended(self, heir: watchdog_process.WatchdogChild) -> None:
+    def ended(self, heir: deadman_process.DeadmanChild) -> None:
         os.close(heir.pipe)
         os.close(self._told)
         self._job = None
@@ -250,7 +250,7 @@ def mortal(wire: Wire, heir: Child) -> Iterator[None]:
             stack.enter_context(mock.patch.object(owner, "fake", False))
             stack.enter_context(mock.patch.object(owner, "raw_access", raw_access))
         for name, made in (("can_be", lambda: True), ("started", heir.started), ("ended", heir.ended)):
-            stack.enter_context(mock.patch.object(watchdog_process, name, made))
+            stack.enter_context(mock.patch.object(deadman_process, name, made))
         for name in ("RawBytes", "RawFrames"):
             stack.enter_context(mock.patch.object(deadman, name, raw))
         yield

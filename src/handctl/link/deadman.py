@@ -36,8 +36,8 @@ from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing
-from handctl.system import clock, descriptors, watchdog_process
-from handctl.system.watchdog_process import Job, WatchdogChild
+from handctl.system import clock, deadman_process, descriptors
+from handctl.system.deadman_process import DeadmanChild, Job
 
 BOUND_SECONDS = 3.0
 """How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
@@ -63,7 +63,7 @@ def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0) ->
     child can be started: then nothing must be driven.
     """
     inside = link.fake or link.replayed
-    raw_access = None if inside or not watchdog_process.can_be() else link.raw_access()
+    raw_access = None if inside or not deadman_process.can_be() else link.raw_access()
     if not inside and raw_access is None:
         warn(
             "unguarded",
@@ -91,7 +91,7 @@ class Guard:
             tuple(held),
             heartbeat,
         )
-        self._child: WatchdogChild | None = None
+        self._child: DeadmanChild | None = None
         self._unsent = b""
         self._first: Sequence[EarlyWrite] = ()
         self._told = 0.0
@@ -116,7 +116,7 @@ class Guard:
             self._tell(self._message())
 
     def _message(self) -> bytes:
-        return watchdog_process.message(_pack(self._unsent, self._first), self._heartbeat)
+        return deadman_process.message(_pack(self._unsent, self._first), self._heartbeat)
 
     def disarm(self) -> None:
         """End the child before it sends anything, and wait for it. May be called twice."""
@@ -124,25 +124,25 @@ class Guard:
             return
         if self._raw_access is not None:
             self._raw_access.note_unfinished = self._raw_access.before = nothing
-        with watchdog_process.unsignalled():
+        with deadman_process.unsignalled():
             self._end()
 
     def _watch(self) -> None:
         """Before a frame: the child must be there, and hears that its parent is. Raises LinkError, KeyboardInterrupt."""
         if self._child is None:
             return
-        state = watchdog_process.state(self._child)
+        state = deadman_process.state(self._child)
         if state == "acts":
             child_process, self._child = self._child, None
-            watchdog_process.finished(child_process, BOUND_SECONDS)
-            watchdog_process.ended(child_process)
+            deadman_process.finished(child_process, BOUND_SECONDS)
+            deadman_process.ended(child_process)
             text = f"this command hung for more than {self._heartbeat:g} s, so the device was stopped"
             self._warn("stood-still", text, "")
             raise KeyboardInterrupt
         if state == "gone":
             self._replace()
         elif self._heartbeat and clock.now() - self._told > self._heartbeat / 10:
-            self._tell(watchdog_process.PULSE)
+            self._tell(deadman_process.PULSE)
 
     def _tell(self, message: bytes) -> None:
         self._told = clock.now()
@@ -153,7 +153,7 @@ class Guard:
             self._replace()
 
     def _replace(self) -> None:
-        with watchdog_process.unsignalled():
+        with deadman_process.unsignalled():
             self._end()
         self._start()
 
@@ -163,20 +163,20 @@ class Guard:
         assert raw_access is not None
         act = partial(_stop_and_close, raw_access, self._stop)
         self._told = clock.now()
-        with watchdog_process.unsignalled():
+        with deadman_process.unsignalled():
             try:
-                self._child = watchdog_process.started(
+                self._child = deadman_process.started(
                     Job(raw_access.descriptor, self._held, act, self._message(), BOUND_SECONDS)
                 )
             except OSError as exc:
                 raise _cannot(exc.strerror or str(exc)) from exc
-            except watchdog_process.NotAlive as exc:
+            except deadman_process.NotAlive as exc:
                 raise _cannot("the child ended at once") from exc
 
     def _end(self) -> None:
         child_process, self._child = self._child, None
         if child_process is not None:
-            watchdog_process.ended(child_process)
+            deadman_process.ended(child_process)
 
 
 def _cannot(why: str) -> LinkError:

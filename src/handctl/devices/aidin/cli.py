@@ -25,7 +25,7 @@ from handctl.model.command_settings import Settings
 from handctl.model.device import Gate, limits_of
 from handctl.model.param import Step
 from handctl.model.result import Journal
-from handctl.system.watchdog_process import HEARTBEAT_TIMEOUT
+from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
 RECOMMENDED = 700
 CAP = 300.0

@@ -58,7 +58,7 @@ from handctl.model.param import Number, Step, elements_of, given
 from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import Stopped
-from handctl.system.watchdog_process import HEARTBEAT_TIMEOUT
+from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
 SLACK = 0.01
 """Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""

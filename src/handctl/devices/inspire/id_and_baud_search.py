@@ -35,8 +35,6 @@ from handctl.model.frame_decoder import frames_in
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, LineQuality
 
-SCAN_BAUD_RATES = (115200, 57600, 19200)
-"""exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
 LATELY = 4096
 """Bytes sent: those of the last seconds."""
 TRICKLE_SECONDS = 0.2

@@ -17,7 +17,6 @@ from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.duplicate_id import Row4, same_id
 from handctl.devices.inspire.id_and_baud_search import (
-    SCAN_BAUD_RATES,
     CanSearch,
     Findings,
     Requester,
@@ -40,6 +39,8 @@ from handctl.model.result import Journal, Row
 from handctl.model.scan_task import ScanTask
 from handctl.wording import plural
 
+SCAN_BAUD_RATES = (115200, 57600, 19200)
+"""exo §2.3.2; the wrist's manual has 115200 only, its hand's the others too."""
 MOST_CAN_IDS = 4096
 """Ids in one CAN scan at the most; all 16383 would only be traffic for the others on the bus."""
 WHO = tuple[Kind, "str | None", str]

@@ -19,7 +19,7 @@ from handctl.devices.barrett.status_and_parameter_views import DOUBT, MOTOR, NAM
 from handctl.errors import UsageError
 from handctl.model.param import Step
 from handctl.model.result import Column, Table
-from handctl.system.watchdog_process import HEARTBEAT_TIMEOUT
+from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
 if TYPE_CHECKING:
     from handctl.devices.barrett.device import BarrettHand

@@ -20,7 +20,7 @@ from handctl.devices.barrett.realtime.loop_flags import FlagRequest, asked_flags
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.param import Element, Number, Step
-from handctl.system.watchdog_process import HEARTBEAT_TIMEOUT
+from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
 ENTER_SECONDS = 1.5
 BLOCK_SECONDS = 0.1

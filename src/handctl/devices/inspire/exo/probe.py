@@ -5,8 +5,8 @@ The hands of the same maker answer it as well: a wrist is looked for first, and 
 
 from __future__ import annotations
 
-from handctl.devices.inspire.id_and_baud_search import SCAN_BAUD_RATES as SPEEDS
 from handctl.devices.inspire.identity import EXO
+from handctl.devices.inspire.scan import SCAN_BAUD_RATES as SPEEDS
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
 from handctl.devices.inspire.serial_bus import SILENCE_HINT
 

@@ -6,8 +6,8 @@ lies at 1020, FC 03 on the line, the current at 1024, 00 04.
 
 from __future__ import annotations
 
-from handctl.devices.inspire.id_and_baud_search import SCAN_BAUD_RATES as SPEEDS
 from handctl.devices.inspire.identity import ITS_CURRENT, WRIST
+from handctl.devices.inspire.scan import SCAN_BAUD_RATES as SPEEDS
 from handctl.devices.inspire.scan import Probing, Target, ignores_speed, parse_ids, sweep
 from handctl.devices.inspire.serial_bus import WIRING_HINT
 

@@ -54,7 +54,7 @@ def _heard(last: bytes, data: bytes) -> tuple[bytes, bytes]:
     return last, data
 
 
-class WatchdogChild(NamedTuple):
+class DeadmanChild(NamedTuple):
     """A child as its parent knows it: its number (on Windows its handle), the pipe to it, and the one back."""
 
     pid: int
@@ -99,10 +99,10 @@ if sys.platform == "win32":
     """For the child to be ready: a busy machine, and a scanner of viruses that looks at each file."""
     BY_NAME = ("deadman", "inherited")
     """The arguments with which a handctl.exe without a Python beside it becomes the child."""
-    BY_PATH = "import sys; sys.path[:] = sys.argv[1:]; from handctl.system.watchdog_process import live; live()"
+    BY_PATH = "import sys; sys.path[:] = sys.argv[1:]; from handctl.system.deadman_process import live; live()"
     PIPE_NOWAIT = 1
 
-    def started(job: Job) -> WatchdogChild:
+    def started(job: Job) -> DeadmanChild:
         """A child that is ready. Once this process is dead it acts. To be called `unsignalled`. Raises OSError, NotAlive."""
         import pickle
 
@@ -119,7 +119,7 @@ if sys.platform == "win32":
         finally:
             os.close(orders)
             os.close(told)
-        heir = WatchdogChild(process, pipe, back)
+        heir = DeadmanChild(process, pipe, back)
         with suppress(OSError):
             os.write(pipe, task)
             end = clock.now() + START_SECONDS
@@ -161,7 +161,7 @@ if sys.platform == "win32":
         _winapi.CloseHandle(thread)
         return process
 
-    def ended(heir: WatchdogChild) -> None:
+    def ended(heir: DeadmanChild) -> None:
         """Kill first, close then: a closed pipe is the order to act."""
         with suppress(OSError):
             _winapi.TerminateProcess(heir.pid, 0)
@@ -170,7 +170,7 @@ if sys.platform == "win32":
         os.close(heir.pipe)
         os.close(heir.back)
 
-    def state(heir: WatchdogChild) -> str:
+    def state(heir: DeadmanChild) -> str:
         """``lives``, ``acts`` where it took this process for dead, or ``gone``."""
         try:
             waiting = _winapi.PeekNamedPipe(msvcrt.get_osfhandle(heir.back))[0]
@@ -178,7 +178,7 @@ if sys.platform == "win32":
             return "gone"
         return "acts" if waiting else "lives"
 
-    def finished(heir: WatchdogChild, seconds: float) -> None:
+    def finished(heir: DeadmanChild, seconds: float) -> None:
         """Wait until a child that acts has done so."""
         _winapi.WaitForSingleObject(heir.pid, round(seconds * 1000))
 
@@ -232,7 +232,7 @@ else:
     import select
     import signal
 
-    def started(job: Job) -> WatchdogChild:
+    def started(job: Job) -> DeadmanChild:
         """A child that is ready. Once this process is dead it acts. To be called `unsignalled`. Raises OSError, NotAlive."""
         ends: list[int] = []
         try:
@@ -246,7 +246,7 @@ else:
         orders, pipe, back, told = ends
         if pid == 0:
             _live(job, orders, told, parent)
-        heir = WatchdogChild(pid, pipe, back)
+        heir = DeadmanChild(pid, pipe, back)
         os.set_blocking(pipe, False)
         os.close(orders)
         os.close(told)
@@ -256,7 +256,7 @@ else:
         os.set_blocking(back, False)
         return heir
 
-    def ended(heir: WatchdogChild) -> None:
+    def ended(heir: DeadmanChild) -> None:
         """Kill first, close then: a closed pipe is the order to act."""
         with suppress(ProcessLookupError):
             os.kill(heir.pid, 9)
@@ -265,7 +265,7 @@ else:
         os.close(heir.pipe)
         os.close(heir.back)
 
-    def state(heir: WatchdogChild) -> str:
+    def state(heir: DeadmanChild) -> str:
         """``lives``, ``acts`` where it took this process for dead, or ``gone``."""
         try:
             told = os.read(heir.back, 1)
@@ -273,7 +273,7 @@ else:
             return "lives"
         return "acts" if told == ACTS else "gone"
 
-    def finished(heir: WatchdogChild, seconds: float) -> None:
+    def finished(heir: DeadmanChild, seconds: float) -> None:
         """Wait until a child that acts has done so."""
         select.select([heir.back], [], [], seconds)
 
