@@ -37,5 +37,5 @@ SYMPTOMS = (
     Symptom("not-saved", "the old id or baud rate is back", None, "The new one has not been saved.", "Set it again, run `handctl exo save -p /dev/ttyUSB0` (with `--id` and the new id, if you changed that), then power-cycle the device"),
     Symptom("out-of-range", "`out of range`", 2, "The value is outside the documented range.", "Look up the range with `handctl exo describe`"),
     Symptom("not-confirmed", "not confirmed", 8, "The command moves or changes a device, and it was not confirmed.", "Run it with `--dry-run` (`-n`) to see the bytes, then with `--yes`"),
-    Symptom("wrong-values", "the values look wrong", None, "Corrupted data, or a different device. A recording of the bytes shows which of the two it is.", "`handctl exo status --trace run.txt`, then `handctl trace show run.txt`"),
+    Symptom("wrong-values", "the values look wrong", None, "Corrupted data, or a different device. A recording of the bytes shows which of the two it is.", "`handctl exo status -p /dev/ttyUSB0 --trace run.txt`, then `handctl trace show run.txt`"),
 )  # fmt: skip
