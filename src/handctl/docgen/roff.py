@@ -29,9 +29,11 @@ def italic(text: str) -> str:
 
 
 def marked(text: str) -> str:
-    """A text in which `this` is to be typed as it is."""
-    parts = re.split(r"`([^`]+)`", text)
-    return "".join(bold(part) if position % 2 else escape(part) for position, part in enumerate(parts))
+    """A text in which `this` is to be typed as it is, and **this** is not to be overlooked."""
+    parts = re.split(r"(\*\*.+?\*\*|`[^`]+`)", text)
+    return "".join(
+        bold(re.sub(r"\*\*|`", "", part)) if position % 2 else escape(part) for position, part in enumerate(parts)
+    )
 
 
 class Page:

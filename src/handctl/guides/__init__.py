@@ -22,7 +22,7 @@ class Heading(NamedTuple):
 
 
 class Para(NamedTuple):
-    """A paragraph on one line; `this` is to be typed."""
+    """A paragraph on one line; `this` is to be typed, **this** not to be overlooked."""
 
     text: str
 
