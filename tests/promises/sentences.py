@@ -54,7 +54,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "stop/test_standstill.py",
         "test_an_exo_holds_each_finger_that_reads_a_position",
     ),
-    "If it does not reply any more, handctl cannot tell": (
+    "If it no longer replies, handctl cannot tell": (
         "stop/test_standstill.py",
         "test_a_device_that_is_not_seen_again_is_no_success",
     ),
