@@ -71,6 +71,8 @@ def test_blocked_motors_are_told_one_by_one() -> None:
         (("move", "3000", "--expect", "contact"), 0, "stalled short of the target"),
         (("close",), 7, "did not move"),
         (("close", "--expect", "contact"), 7, "did not move"),  # nothing shows that it touches anything
+        (("close", "--expect", "any"), 7, "did not move"),  # and what never began did not end anywhere
+        (("move", "3000", "--expect", "any"), 0, "stalled short of the target"),
     ):
         result = run("barrett", *args, "--motors", "12", "--json", "-p", fake(fault="blocked"))
         assert result.code == code, result
