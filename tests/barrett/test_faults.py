@@ -21,7 +21,7 @@ SEED = 1
 
 KINDS = [
     ("silent", "no-answer", 4), ("deaf", "no-answer", 4), ("loopback", "echo", 5), ("disconnect", "lost", 3),
-    ("no-echo", "echo-differs", 5), ("bad-checksum", "", 5), ("truncate", "", 5),
+    ("no-echo", "no-echo", 5), ("bad-checksum", "", 5), ("truncate", "", 5),
 ]  # fmt: skip
 
 

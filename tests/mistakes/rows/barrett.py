@@ -16,6 +16,24 @@ HAND = "handctl.devices.barrett.device"
 
 ROWS = (
     mistake(
+        "barrett-a-hand-without-echo-was-busy",
+        "a cause that is none",
+        CONNECTING,
+        "",
+        "CLEARED: _met(BOOTING, ASKED, ASKED, READY) | {LATE: ECHOLESS},",
+        "CLEARED: _met(BOOTING, ASKED, ASKED, READY) | {LATE: READY},",
+        "tests/barrett/test_line.py::test_a_hand_that_does_not_echo_is_not_busy",
+    ),
+    mistake(
+        "barrett-what-echoes-is-a-monitor",
+        "evidence believed",
+        "handctl.devices.barrett.gcl.session_start",
+        "SessionStart._failure",
+        "if self._colon:",
+        "if True:",
+        "tests/barrett/test_line.py::test_a_monitor_that_was_only_seen_to_echo_may_be_another_device",
+    ),
+    mistake(
         "barrett-what-did-not-move-touched-something",
         "evidence believed",
         MOTION,
