@@ -16,6 +16,24 @@ HAND = "handctl.devices.barrett.device"
 
 ROWS = (
     mistake(
+        "barrett-factory-values-by-the-prompt",
+        "false success",
+        "handctl.devices.barrett.load_and_defaults",
+        "defaults",
+        "elif stuck:",
+        "elif False:",
+        "tests/barrett/test_cli_write.py::test_factory_values_are_read_back",
+    ),
+    mistake(
+        "barrett-a-load-that-nobody-saw",
+        "false success",
+        "handctl.devices.barrett.load_and_defaults",
+        "load",
+        "if as_saved or changed:",
+        "if True:",
+        "tests/barrett/test_cli_write.py::test_a_load_is_said_where_it_was_seen",
+    ),
+    mistake(
         "barrett-a-hand-without-echo-was-busy",
         "a cause that is none",
         CONNECTING,
