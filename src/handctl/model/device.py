@@ -295,6 +295,10 @@ class Device(ABC):
         """The map of this particular device, for families with several."""
         return self.map
 
+    def map_of(self, identity: Mapping[str, object]) -> ParamMap[Any]:
+        """The map of the device that said this of itself, for families with several; where it is not known, this one's."""
+        return self.own_map()
+
     def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have no address to set
         """Make the line address the device that a restore is for; nothing to do unless its address is a setting."""
 

@@ -14,7 +14,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.option_types import InFile, WholeRange
-from handctl.command.options import ALWAYS
+from handctl.command.options import ALWAYS, SKIP
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
@@ -472,10 +472,12 @@ def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
-def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
+@SKIP
+def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, ...] = ()) -> PlannedAction:
     """Restore to RAM the values that differ from a snapshot, and read them back.
 
-    The baud rate is written last.
+    The baud rate is written last. A parameter that this firmware does not have is refused before anything is written,
+    unless --skip leaves it out.
     """
     from handctl.devices.barrett import eeprom_saves
 
@@ -487,7 +489,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
                 if element.full_name == "baud_rate":
                     _refuse_to_keep(int(value), force)
 
-    act = snapshots.restore(run, BARRETT, file, check=check)
+    act = snapshots.restore(run, BARRETT, file, check=check, skip=skip)
 
     def whole(hand: BarrettHand) -> Table:
         before = len(hand.journal.messages)

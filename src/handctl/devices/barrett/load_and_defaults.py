@@ -14,6 +14,7 @@ from handctl.devices.barrett.gcl import passthrough
 from handctl.devices.barrett.gcl.codec import motors_of, split
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint
 from handctl.model.result import Table
+from handctl.wording import plural
 
 NAMED = 6
 """Values that a message names."""
@@ -29,7 +30,9 @@ def load(hand: BarrettHand, commands: Sequence[str], *, simulated: bool) -> Tabl
         other = [name for name in mine if name in saved and saved[name] != mine[name]]
         as_saved = mine.keys() <= saved.keys() and not other
         if as_saved or changed:
-            text = "as handctl saved them last" if as_saved else f"{len(changed)} of {len(mine)} values have changed"
+            text = (
+                "as handctl saved them last" if as_saved else f"{len(changed)} of {plural(len(mine), 'value')} changed"
+            )
             hand.journal.ledger.confirm(f"read back: {text}", step_of(command))
             hand.journal.info("loaded", f"{command}: {text}{_list(changed)}")
         else:
@@ -56,7 +59,7 @@ def defaults(hand: BarrettHand, commands: Sequence[str]) -> Table:
         elif stuck:
             hand.journal.ledger.doubt("reads back otherwise", step_of(command))
             table.failure = table.failure or CheckFailed(
-                f"{hand.link.name}: {command} was acknowledged, but {len(stuck)} of {len(mine)} values are not the documented factory values{_list(stuck)}",
+                f"{hand.link.name}: {command} was acknowledged, but {len(stuck)} of {plural(len(mine), 'value')} did not become the documented factory value{_list(stuck)}",
                 hint=Hint("compare them with {}, and set them: this firmware may have other factory values", "barrett describe"),
                 code="read-back",
             )  # fmt: skip
@@ -64,7 +67,7 @@ def defaults(hand: BarrettHand, commands: Sequence[str]) -> Table:
             hand.journal.ledger.confirm(
                 f"read back: changed, {len(off)} to other than factory values", step_of(command)
             )
-            text = f"{command} has changed {len(off)} values to other than the documented factory values{_list(off)}"
+            text = f"{command} has set {plural(len(off), 'value')} to another one than the documented factory value{_list(off)}"
             hand.journal.warn("other-defaults", text, hint=Hint("compare them with {}", "barrett describe"))
     return table
 
