@@ -81,7 +81,7 @@ def test_everything_that_is_foreign_is_named_at_once(barrett: tuple[str, Path]) 
     changed(path, warp__F1=1, warp__F2=1, position__F1=5)
     refused = run("barrett", "restore", path, "-y", "-p", link, "--json")
     assert (refused.code, refused.error["code"], refused.json["counters"]["sent"]) == (2, "foreign", 0)
-    assert "--skip warp --skip position " in refused.error["hint"]
+    assert "--skip warp --skip position.F1 " in refused.error["hint"]
     done = run("barrett", "restore", path, "-y", "--skip", "warp", "--skip", "position", "-p", link, "--json")
     assert (done.code, len(done.rows)) == (0, 1)
 
@@ -109,7 +109,7 @@ def test_another_model_takes_what_means_the_same(tmp_path: Path) -> None:
     assert hand("snapshot", path, model="df").code == 0
     changed(path, default_speed__ring=500)
     refused = hand("restore", path, "-y", model="tp")
-    assert (refused.code, refused.error["code"]) == (6, "not-on-this-firmware")
+    assert (refused.code, refused.error["code"]) == (2, "not-on-this-firmware")
     assert "--skip current_limit " in refused.error["hint"]
     assert all(row["state"] == "not-sent" for row in refused.json["writes"])
     done = hand("restore", path, "-y", "--skip", "current_limit", model="tp")

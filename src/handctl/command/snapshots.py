@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
 from handctl.command.run import Asked, PlannedAction
-from handctl.errors import CheckFailed, DeviceRefused, Hint, NotPresent, OutputError, UsageError, joined
+from handctl.errors import CheckFailed, DeviceRefused, Hint, OutputError, UsageError, joined
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
 from handctl.model.device import pending_moves, question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
@@ -37,7 +37,7 @@ ACTING = {MOVES: "MOVES the device", PUSHES: "PUSHES with a force until another 
 def read_values(device: Device, elements: Sequence[Element], needed: Collection[str] = ()) -> dict[str, Number]:
     """The present value of each element, by full name. Raises what kept one from being read.
 
-    What this firmware does not have is left out. Where some of that is `needed`, all of it is named: NotPresent.
+    What this firmware does not have is left out. Where some of that is `needed`, all of it is named.
     """
     every = device.read(elements) if elements else []
     readings = device.present(every)
@@ -46,9 +46,14 @@ def read_values(device: Device, elements: Sequence[Element], needed: Collection[
             exc = reading.error
             raise exc.reworded(f"not all settings could be read: {reading.element.full_name}: {exc.text}")
     there = {reading.element.full_name for reading in readings}
-    if lacking := [one.element.full_name for one in every if one.element.full_name in {*needed} - there]:
-        text = f"{device.link.name}: this firmware does not have {', '.join(whole_names(lacking, needed))}"
-        raise NotPresent(text, hint=skipping(lacking, needed), code="not-on-this-firmware")
+    if lacking := [one for one in every if one.element.full_name in {*needed} - there]:
+        names, first = [one.element.full_name for one in lacking], lacking[0].error
+        assert first is not None
+        raise first.reworded(
+            f"{device.link.name}: this firmware does not have {', '.join(whole_names(names, needed))}: {first.text}",
+            hint=skipping(names, needed),
+            code="not-on-this-firmware",
+        )
     return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
 
 
@@ -58,7 +63,7 @@ def whole_names(names: Sequence[str], among: Collection[str]) -> list[str]:
     short: list[str] = []
     for base in bases:
         mine = [name for name in names if name.partition(".")[0] == base]
-        short += [base] if len(mine) == sum(name.partition(".")[0] == base for name in among) else mine
+        short += [base] if 1 < len(mine) == sum(name.partition(".")[0] == base for name in among) else mine
     return short
 
 

@@ -16,6 +16,15 @@ HAND = "handctl.devices.barrett.device"
 
 ROWS = (
     mistake(
+        "barrett-a-second-answer-is-dropped",
+        "evidence not seen",
+        LINE,
+        "GclLine._judge_stale",
+        "if second is not None and second.lines != said.lines and _has_form_of(said, second):",
+        "if False:",
+        "tests/contract/test_two_replies.py::test_two_different_replies_are_told_once",
+    ),
+    mistake(
         "barrett-factory-values-by-the-prompt",
         "false success",
         "handctl.devices.barrett.load_and_defaults",

@@ -11,7 +11,7 @@ ROWS = (
         "false success",
         "handctl.command.snapshots",
         "read_values",
-        "if lacking := [one.element.full_name for one in every if one.element.full_name in {*needed} - there]:",
+        "if lacking := [one for one in every if one.element.full_name in {*needed} - there]:",
         "if lacking := []:",
         "tests/contract/test_restore_elsewhere.py::test_what_the_firmware_lacks_is_named_and_can_be_left_out",
     ),
