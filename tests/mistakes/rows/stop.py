@@ -10,6 +10,15 @@ MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 
 ROWS = (
     mistake(
+        "stop-forgets-a-calibration-that-another-command-has-started",
+        "false success",
+        "handctl.stop.device_access",
+        "DeviceAccess.judged",
+        "left = UNSEEN",
+        "left = None",
+        "tests/stop/test_calibration.py::test_a_stop_knows_of_a_calibration_that_another_command_has_started",
+    ),
+    mistake(
         "stop-key-of-several-beside-their-threads",
         "a thread that reads on takes the answers of the stop",
         "handctl.link.link_interface",
