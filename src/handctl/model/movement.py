@@ -51,7 +51,7 @@ HINTS = {
     MOVING: "wait longer, or stop it",
     UNREAD: "check the link, then read its position again",
     NO_SPEED: "set a speed",
-    UNMOVED: "check for an obstacle, and that its motors have power. --expect any does not accept this",
+    UNMOVED: "check for an obstacle, and that its motors have power",
     SHORT: "check for an obstacle. --expect any accepts this",
     CONTACT: "--expect contact accepts this, for example to grip an object",
 }
