@@ -138,6 +138,7 @@ class Exo(Device):
         file: Path,
         *,
         setpoints: bool = False,
+        skip: Sequence[str] = (),
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
@@ -301,6 +302,7 @@ class Wrist(Device):
         file: Path,
         *,
         setpoints: bool = False,
+        skip: Sequence[str] = (),
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
@@ -590,6 +592,7 @@ class Barrett(Device):
         *,
         save: bool = False,
         force: bool = False,
+        skip: Sequence[str] = (),
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:
@@ -850,6 +853,7 @@ class Ekso(Device):
         operator: str | None = None,
         audit: Path | None = None,
         override_step_limit: bool = False,
+        skip: Sequence[str] = (),
         length_mode: str | None = None,
         confirm: Confirm = False,
         dry_run: bool = False,
@@ -1076,7 +1080,14 @@ class Hand(Device):
         """Save the settings of the device, and the set points that it keeps, to FILE."""
     def diff(self, a: Path | None = None, b: Path | None = None) -> Rows:
         """Compare settings: two snapshots, a snapshot and the device, or two devices."""
-    def restore(self, file: Path, *, confirm: Confirm = False, dry_run: bool = False) -> Rows:
+    def restore(
+        self,
+        file: Path,
+        *,
+        skip: Sequence[str] = (),
+        confirm: Confirm = False,
+        dry_run: bool = False,
+    ) -> Rows:
         """Write the settings that differ from a snapshot, and read them back."""
     def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
         """Write one page for a service ticket: status, dump, findings, curves, bytes."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import pytest
 
 from handctl.command import snapshots
 from handctl.devices.barrett.device import BarrettHand
+from handctl.sim.barrett.parameter_tables import Bank
 from tests.barrett.commands import (
     MOTORS,
     POWER_ON,
@@ -32,6 +34,7 @@ from tests.barrett.commands import (
 )
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
+from tests.support.swap import swapped
 
 CLEAN = {"sent": 0, "received": 0, "retries": 0, "bad_frames": 0, "stray_bytes": 0}
 
@@ -245,10 +248,62 @@ def test_one_motor_is_loaded_alone(tmp_path: Path, verb: str, named: str) -> Non
     port, trace = fake(state=tmp_path / "state.json"), tmp_path / "t.txt"
     assert do("set", "DP=3000", "LFT=1", port=port).code == 0
     result = do(verb, "--motors", "3", "--trace", trace, port=port)
-    assert (result.code, sent_lines(trace)) == (0, [f"3{named}"])
+    assert (result.code, written_lines(trace)) == (0, [f"3{named}"])
     assert values_of(do("get", "DP", "LFT", port=port)) == {
         ("DP", "F1"): 3000, ("DP", "F2"): 3000, ("DP", "F3"): 8500, ("DP", "SPREAD"): 3000, ("LFT", None): 1,
     }  # fmt: skip
+
+
+def states(result: Result) -> list[str]:
+    return [row["state"] for row in result.json["writes"]]
+
+
+@pytest.mark.parametrize("deaf", [False, True])
+def test_factory_values_are_read_back(tmp_path: Path, deaf: bool) -> None:
+    """FDEF is acknowledged by a prompt, also where nothing has changed: only the values show it."""
+    port = fake(state=tmp_path / "state.json")
+    assert do("set", "DP=3000", "LFT=1", port=port).code == 0
+    with swapped((Bank, "default", lambda *_: None)) if deaf else nullcontext():
+        result = do("defaults", "-y", port=port)
+    assert (result.code, states(result)) == ((7, ["sent", "sent"]) if deaf else (0, ["confirmed"] * 2))
+    assert not deaf or result.error["code"] == "read-back"
+
+
+def test_other_factory_values_are_no_failure(tmp_path: Path) -> None:
+    """The manual's table is of one firmware."""
+    port, usual = fake(state=tmp_path / "state.json"), Bank.default
+    assert do("set", "DP=3000", port=port).code == 0
+
+    def other(bank: Bank, numbers: tuple[int, ...]) -> None:
+        usual(bank, numbers)
+        for number in numbers if "DP" in bank.values else ():
+            bank.values["DP"][number] = 9000
+
+    with swapped((Bank, "default", other)):
+        result = do("defaults", "-y", "--motors", "1", port=port)
+    assert (result.code, states(result), result.codes().count("other-defaults")) == (0, ["confirmed"], 1)
+
+
+def test_a_load_is_said_where_it_was_seen(tmp_path: Path) -> None:
+    """A value that has changed, or RAM as handctl saved it, shows a load; else it is acknowledged, and no more."""
+    port = fake(state=tmp_path / "state.json")
+    unseen = do("load", "-y", port=port)  # RAM and EEPROM are alike, and handctl has never saved
+    assert (unseen.code, states(unseen), unseen.codes().count("load-unseen")) == (0, ["sent", "sent"], 2)
+    assert do("set", "DP=3000", "LFT=1", port=port).code == 0
+    with swapped((Bank, "load", lambda *_: None)):
+        deaf = do("load", "-y", port=port)
+    assert (deaf.code, states(deaf)) == (0, ["sent", "sent"])
+    seen = do("load", "-y", port=port)
+    assert (states(seen), seen.codes().count("loaded")) == (["confirmed"] * 2, 2)
+    assert do("save", "-y", port=port).code == 0
+    assert states(do("load", "-y", port=port)) == ["confirmed"] * 2  # as handctl saved it last
+    assert do("set", "DP=3000", port=port).code == 0
+    assert do("gcl", "FSAVE", "-y", port=port).code == 0  # of unknown values
+    assert do("save", "-y", "--motors", "1", port=port).code == 0
+    assert do("set", "DP=3100", port=port).code == 0
+    with swapped((Bank, "load", lambda *_: None)):
+        deaf = do("load", "-y", "--motors", "1", port=port)
+    assert (states(deaf), "saved-elsewhere" in deaf.codes()) == (["sent"], True)
 
 
 def test_some_motors_are_saved_alone(tmp_path: Path) -> None:

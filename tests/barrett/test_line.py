@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.barrett.gcl.codec import Answer
-from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError, command_of
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.barrett.support import (
     ABORT,
+    MET,
     PROMPT,
     QUESTION,
     REST,
@@ -170,6 +171,50 @@ def test_a_wire_is_told_from_a_monitor() -> None:
     assert (refused.value.code, refused.value.exit_code) == ("boot-monitor", 6)
     assert refused.value.code == "boot-monitor"
     assert monitor.sent == [QUESTION, b"\x7f"]
+
+
+def test_at_one_speed_a_wire_and_a_monitor_are_not_told_apart() -> None:
+    """A device server has no 115200 to try: both are named, and so is what tells them apart."""
+    link = ScriptedLink(lambda request: [(0.0, request)], 9600)
+    link.can_set_baud = False
+    with pytest.raises(ProtocolError) as caught:
+        hand_on(link).line.connect()
+    assert (caught.value.code, command_of(caught.value.hint)) == ("echo-or-monitor", "barrett listen --duration 30")
+    assert link.sent == [QUESTION]
+
+
+@pytest.mark.parametrize("colon", [b"", b":"])
+def test_a_monitor_that_was_only_seen_to_echo_may_be_another_device(colon: bytes) -> None:
+    """Another device that echoes at 9600 is silent at 115200 too. Only the ':' is a monitor's alone."""
+    link = ScriptedLink(lambda request: [(0.0, request)] if link.baud == 9600 else [], 9600)
+    if colon:
+        link.put(0.0, colon)
+    with pytest.raises(DeviceRefused) as caught:
+        hand_on(link).line.connect()
+    assert caught.value.code == "boot-monitor"
+    assert ("barrett listen" in caught.value.hint) == (not colon)
+
+
+@pytest.mark.parametrize("interrupt", [False, True])
+def test_a_hand_that_does_not_echo_is_not_busy(interrupt: bool) -> None:
+    """Half duplex, or a server that swallows the echo: no command has ended, and no reply can be matched with its request."""
+    hand = hand_on(ScriptedLink(lambda request: [(0.0, b"\n\rERR 32\n\r=> " if b"!" in request else PROMPT)], 9600))
+    hand.line.interrupt = interrupt
+    with pytest.raises(ProtocolError) as caught:
+        hand.line.connect()
+    assert (caught.value.code, caught.value.exit_code) == ("no-echo", 5)
+    assert codes(hand) == []
+
+
+@pytest.mark.parametrize("keeps", [False, True])
+def test_a_hand_whose_command_has_just_ended_is_met(keeps: bool) -> None:
+    """Its prompt has no echo of the request; it carries that out then, or has dropped it and is asked again."""
+    link = ScriptedLink(None, 9600)
+    answers = [[(0.1, PROMPT), *([(0.2, MET)] if keeps else [])], [(0.0, MET)]]
+    link.answer = lambda request: answers.pop(0)
+    hand = hand_on(link)
+    hand.line.connect()
+    assert (codes(hand), len(link.sent)) == (["busy"], 2 - keeps)
 
 
 def test_a_babbling_line_ends() -> None:

@@ -338,11 +338,11 @@ def test_how_it_ended(name: str, now: dict[str, int], goal: int | None, status: 
 @each_row(
     ("name", "now", "goal", "status", "start", "ended"),
     [
-        ("C", 100, 17000, 0, 100, ("short", "did not move")), ("C", 150, 17000, 0, 100, ("short", "did not move")),
+        ("C", 100, 17000, 0, 100, ("unmoved", "did not move")), ("C", 150, 17000, 0, 100, ("unmoved", "did not move")),
         ("C", 151, 17000, 0, 100, ("contact", "stalled short of the target")),
-        ("O", 9000, 0, 0, 9000, ("short", "did not move")), ("O", 100, 0, 0, 9000, ("contact", "stalled short of the target")),
+        ("O", 9000, 0, 0, 9000, ("unmoved", "did not move")), ("O", 100, 0, 0, 9000, ("contact", "stalled short of the target")),
         # M, HOME, IC and IO answer ERR 16 where a motor stalled: without it nothing shows that one did
-        ("M", 100, 5000, 0, 100, ("short", "did not move")),
+        ("M", 100, 5000, 0, 100, ("unmoved", "did not move")),
         ("M", 2000, 5000, 0, 100, ("short", "ended short of the target without ERR 16")),
         ("M", 2000, 5000, 16, 100, ("contact", "stalled short of the target")),
         ("M", 100, 5000, 16, 100, ("contact", "stalled short of the target")),

@@ -228,8 +228,8 @@ NINE = dict.fromkeys(range(5), 900)
         (late, 25, 0, 0.0001, "moving"),
         (late, 25, 0, 1.0, "moving"),  # it has stood still, but may begin yet
         (pausing, 25, 0, 1.5, "moving"),
-        (lambda _: 110, 25, 0, 8.0, "short"),
-        (lambda _: 110, 200, 0, 8.0, "short"),  # what it draws at rest is no contact
+        (lambda _: 110, 25, 0, 8.0, "unmoved"),
+        (lambda _: 110, 200, 0, 8.0, "unmoved"),  # what it draws at rest is no contact
         (stalls, 900, 0, 8.0, "contact"),
         (stalls, 25, 0, 8.0, "short"),
         (lambda _: 110, 900, 1, 8.0, "blocked"),

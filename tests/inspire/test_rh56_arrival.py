@@ -80,7 +80,7 @@ def test_a_status_of_the_movement_before_is_no_contact() -> None:
     with odd_registers(holds=still):
         ended = hand("angle", "index=0", "--wait", "3", "--expect", "contact")
     assert (ended.code, ended.error["code"]) == (7, "not-reached")
-    assert {row["arrival"] for row in ended.rows} == {"short"}
+    assert {row["arrival"] for row in ended.rows} == {"unmoved"}
 
 
 def test_expectations_need_a_wait() -> None:

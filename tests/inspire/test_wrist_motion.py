@@ -130,7 +130,7 @@ def test_a_wrist_that_does_not_move_touches_nothing(wire: str) -> None:
             *["wrist", "move", "--pitch", "5", "--time", "300", "--expect", "contact", "--json", "-p"], fake_port(wire)
         )
     assert (result.code, result.error["code"]) == (7, "not-reached")
-    assert [row["arrival"] for row in result.rows] == ["short", None]
+    assert [row["arrival"] for row in result.rows] == ["unmoved", None]
 
 
 def test_within_half_a_degree_counts_as_arrived() -> None:

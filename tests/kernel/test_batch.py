@@ -259,6 +259,8 @@ def test_ctrl_c_ends_a_pause() -> None:
 
 
 RELEASE = bytes.fromhex("EB90010B31000000000000000000003D")
+FRAME = "EB 90 01 0B 32 84 03 84 03 84 03 84 03 84 03 E1"
+"""The same, as it is typed in `terminal` and `raw`."""
 GO = "exo position 900 900 900 900 900 -y"
 
 
@@ -267,6 +269,8 @@ GO = "exo position 900 900 900 900 900 -y"
     (("exo force 300 300 300 300 300 -y", GET, "sleep 30"), "", 130, 1),
     ((GO, "wrist move --pitch 5 --time 100 -p fake://wrist?clock=virtual", "sleep 30"), "", 130, 1),
     (("exo set position_set.ring=900 -y", "sleep 30"), "", 130, 1),
+    ((f"exo terminal '{FRAME}' -y", "sleep 30"), "", 130, 1), ((f"exo raw '{FRAME}' -y", "sleep 30"), "", 130, 1),
+    (("exo terminal 'EB 90 01 04 11 E8 03 01 02' -y", "sleep 30"), "", 130, 0),
     ((GET, "sleep 30"), "", 130, 0),
     ((GET, f"{GO} --dry-run", "sleep 30"), "", 130, 0),
     ((GO, "sleep 30"), "silent", 4, 1),

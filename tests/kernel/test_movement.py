@@ -41,7 +41,7 @@ def fed(goal: Goal, still: Stillness, *values: AxisReading | int | None, period:
             [False, False, True],
             "contact",
         ),
-        ((50, AxisReading(50, moves=True), AxisReading(50, moves=True)), [False, False, True], "short"),
+        ((50, AxisReading(50, moves=True), AxisReading(50, moves=True)), [False, False, True], "unmoved"),
         ((101, 99, 101, 99), [False] * 4, "moving"),  # near, but it does not stand
     ],
 )
@@ -54,14 +54,14 @@ def test_when_an_axis_has_ended(values: tuple[AxisReading | int | None, ...], en
     [
         (GOAL._replace(speed=0), STILL, (50, 50, 50), [False, False, True], "no-speed"),
         (GOAL._replace(speed=0), STILL, (50, 60), [False, False], "moving"),
-        (GOAL._replace(patience=0.5), STILL, (50, 50, 50, 50, 50, 50), [False] * 5 + [True], "short"),
+        (GOAL._replace(patience=0.5), STILL, (50, 50, 50, 50, 50, 50), [False] * 5 + [True], "unmoved"),
         (GOAL._replace(jitter=2), STILL, (101, 99, 101), [False, False, True], "reached"),
         (GOAL, STILL._replace(dead=0.15), (100, 100, 100), [False, False, True], "reached"),
         (GOAL, STILL._replace(least=0.35), (97, 97, 97, 97, 97), [False] * 4 + [True], "reached"),
-        (GOAL, STILL._replace(grace=0.35), (50, 50, 50, 50, 50), [False] * 4 + [True], "short"),
+        (GOAL, STILL._replace(grace=0.35), (50, 50, 50, 50, 50), [False] * 4 + [True], "unmoved"),
         (GOAL, STILL._replace(grace=0.35), (97, 97, 97), [False, False, True], "reached"),
         # short of the target the longer time counts, whether it has begun or pauses, unless the device reports why
-        (GOAL, STILL._replace(short=0.45), (50, 50, 50, 50, 50, 50), [False] * 5 + [True], "short"),
+        (GOAL, STILL._replace(short=0.45), (50, 50, 50, 50, 50, 50), [False] * 5 + [True], "unmoved"),
         (GOAL, STILL._replace(short=0.45), (50, 50, 50, 50), [False] * 4, "moving"),
         (GOAL, STILL._replace(short=0.45), (10, 50, 50, 50, 50, 60), [False] * 6, "moving"),
         (GOAL, STILL._replace(short=0.45), (97, 97, 97), [False, False, True], "reached"),
@@ -103,6 +103,7 @@ def test_what_was_read_once_more_counts_for_those_that_are_off() -> None:
         (("contact", "blocked"), ("blocked", "blocked", "blocked")),
         (("contact", "moving"), ("still-moving",) * 3),
         (("short", "no-speed"), ("no-speed",) * 3),
+        (("reached", "unmoved"), ("not-reached",) * 3),  # a movement that never began has no end
         (("reached", "unread"), ("unread",) * 3),
     ],
 )

@@ -91,12 +91,12 @@ def _expects(family: str, name: str, _folder: Path) -> None:
 
 
 def _any_end(family: str, name: str, words: list[str], before: str, folder: Path) -> None:
-    """A stop short of the target is taken, a fault that the device reports is not."""
+    """A stop short of the target is taken, a movement that never began or a fault that the device reports is not."""
     link = _way_open(family, before, folder)
     result = run(family, *words, "--expect", "any", "-y", "--json", "-p", f"{link}&fault=blocked")
     ends = {row["arrival"] for row in result.json["rows"] if row.get("arrival")}
-    assert ends & {"short", "contact", "blocked"}, ends
-    assert result.code == (7 if ends & {"blocked", "moving", "no-speed"} else 0), ends
+    assert ends & {"short", "contact", "blocked", "unmoved"}, ends
+    assert result.code == (7 if ends & {"unmoved", "blocked", "moving", "no-speed"} else 0), ends
 
 
 def _moved(

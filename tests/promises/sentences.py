@@ -79,7 +79,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
     "Exit code 0 means that Ctrl-C came too late": ("kernel/test_interrupts.py", "test_"),
     "the command is refused with exit code 6": ("promises/symptoms.py", "other_family"),
     "If the device does not reply": ("promises/sentences.py", "_silent"),
-    "The other four results": ("kernel/test_movement.py", "test_what_is_expected"),
+    "The other results": ("kernel/test_movement.py", "test_what_is_expected"),
     "If two devices reply": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
     "If another program has the port open, handctl refuses to use it": ("link/test_rivals.py", "test_"),
     "show no table": ("contract/test_strangers.py", "test_a_stranger_is_never_shown_as_a_table"),

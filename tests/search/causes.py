@@ -11,7 +11,8 @@ CAUSES: dict[str, set[str]] = {
     "bad-checksum barrett": {"garbage"},  # GCL has no checksum, and no character with bit 7
     "truncate": {"cut-short", "garbage", "bad-checksum"}, "truncate aidin": {"bad-json"},
     "twin-id": {"bad-checksum"}, "twin-id can": {"no-answer", "bus-errors"},
-    **{name: {"echo-differs"} for name in ("duplicate", "no-echo")},
+    "duplicate": {"echo-differs"},
+    "no-echo": {"no-echo", "echo-differs"},  # at the first question, or later
     "duplicate barrett": {"echo-differs", "garbage"},  # the answer to the first question, twice, is none that fits
     "hang barrett": {"no-answer", "echo", "garbage"},  # it repeats what it hears, alone or behind what came before
     "noise": {"echo-differs", "garbage", "cut-short", "bad-line"},  # before, in or behind an answer, as chance has it

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
+from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.exo.calibration import calibrate
 from handctl.errors import DeviceRefused, HandctlError
+from handctl.link.device_lock import hold
 from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.stop.device_access import DeviceAccess
+from tests.support.cli import run
 from tests.support.scripted import Reply, ScriptedLink, hand_on
 from tests.support.stop import RELEASE
 
@@ -62,6 +66,53 @@ class Asking(Prompts):
         if self.hand.begun and not self.told:
             self.told = self.access.stop("stopped")
             raise KeyboardInterrupt
+
+
+@pytest.fixture
+def locked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Simulated devices have the lock of a real one: its file outlives the command."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setattr(
+        "handctl.stop.device_access.lock_for", lambda run, name, patience=None: hold("tcp://192.0.2.7:8000", "handctl")
+    )
+    monkeypatch.setattr("handctl.stop.stop_command.lock_for", lambda *_: hold("tcp://192.0.2.7:8000", "handctl"))
+
+
+FAKES = {
+    "exo": ("fake://exo?clock=virtual", START),
+    "hand": ("fake://hand?clock=virtual&model=df", START),
+    "rtu": ("fake://hand?clock=virtual&model=df", modbus_frames.rtu(1, bytes.fromhex("06 03F1 0001"))),
+}
+
+
+@pytest.mark.parametrize("wire", FAKES)
+def test_a_stop_knows_of_a_calibration_that_another_command_has_started(locked: None, wire: str) -> None:
+    """With `raw`, by a handctl that has ended: the hand rests between two of its steps, and goes on."""
+    link, start = FAKES[wire]
+    family = "exo" if wire == "exo" else "hand"
+    assert run(family, "stop", "-p", link, "--json").code == 0
+    assert run(family, "raw", start.hex(" "), "-y", "-p", link, "--json").code == 0
+    stopped = run(family, "stop", "-p", link, "--json")
+    assert stopped.code == 6 and stopped.rows, stopped
+    assert run(family, "get", "force_actual", "-p", link, "--json").code == 0
+    assert run(family, "stop", "-p", link, "--json").code == 6, "what only reads ends nothing"
+
+
+def test_a_calibration_whose_end_was_seen_is_over(locked: None) -> None:
+    assert run("exo", "calibrate", "-y", "-p", FAKES["exo"][0], "--json").code == 0
+    assert run("exo", "stop", "-p", FAKES["exo"][0], "--json").code == 0
+
+
+@pytest.mark.parametrize(
+    ("seconds", "later", "error"), [(30.0, 1.0, "DeviceRefused"), (30.0, 31.0, ""), (0.0, 0.0, "")]
+)
+def test_without_a_lock_the_same_command_knows_it(seconds: float, later: float, error: str) -> None:
+    """Two lines of a batch on a simulated device; it is over when its time is."""
+    hand = Hand()
+    access = Asking(hand).access
+    access.unstoppable(seconds)
+    hand.link.sleep(later)
+    assert access.stop("stopped")["error"] == error
 
 
 @pytest.mark.parametrize(("silent", "error"), [(False, "DeviceRefused"), (True, "NoAnswer")])

@@ -24,6 +24,7 @@ from handctl.command.options import (
     BOUNDS,
     LIMIT,
     REPLY_WAIT,
+    SKIP,
     combined_options,
     ending,
     export_options,
@@ -200,14 +201,16 @@ def add_map_verbs(
 
     @click.argument("file", type=InFile())
     @with_setpoints
-    def restore(run: Run, file: str, setpoints: bool = False) -> PlannedAction:
+    @SKIP
+    def restore(run: Run, file: str, setpoints: bool = False, skip: tuple[str, ...] = ()) -> PlannedAction:
         """Write the settings that differ from a snapshot, and read them back.
 
-        Shows the plan first. If it is interrupted, you can safely run it again.
+        Shows the plan first. If it is interrupted, you can safely run it again. A setting that this device does not have
+        is refused before anything is written, unless --skip leaves it out.
         """
         from handctl.command import snapshots
 
-        return snapshots.restore(run, run.mapped(params), file, setpoints=setpoints)
+        return snapshots.restore(run, run.mapped(params), file, setpoints=setpoints, skip=skip)
 
     @click.argument("file", type=OutFile(), metavar="FILE.html")
     @click.option(

@@ -152,6 +152,10 @@ class Connection:
         return link
 
 
+def _judged(access: DeviceAccess, stop: Callable[[], Stopped]) -> Stopped:
+    return access.judged(stop())
+
+
 def refuse_rivals(run: Invocation, link: Link) -> None:
     """Raise LinkError if the system shows another program that could command the device at the same time."""
     from handctl.link.port_users import busy, rivals
@@ -258,7 +262,9 @@ class Session:
         ended = []
         for name, (run, stop) in moving.items():
             before = len(run.ledger.rows())
-            ended.append(stop_without_interrupts(stop, prompts, f"{name}: "))
+            access = next((one.device_access for one in self._open.values() if one.name == name), None)
+            judged = stop if access is None else partial(_judged, access, stop)
+            ended.append(stop_without_interrupts(judged, prompts, f"{name}: "))
             write_history.keep(run, run.ledger.rows()[before:], [], ended[-1])
         return ended
 

@@ -12,7 +12,7 @@ expect = click.option(
     type=click.Choice(EXPECTED),
     default=None,
     help="How the movement must end; otherwise the exit code is 7. reached (default): every axis at its target. "
-    "contact: stopped by an object. any: either of these, or short of the target.",
+    "contact: stopped by an object. any: either of these, or moved and stopped short of the target.",
 )
 
 

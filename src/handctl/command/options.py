@@ -306,6 +306,12 @@ page_options = combined_options(
 )
 """Of what writes a report."""
 ALWAYS = click.option("--always", is_flag=True, help="Write settings even if they already have this value.")
+SKIP = click.option(
+    "--skip",
+    multiple=True,
+    metavar="NAME",
+    help="Leave out this setting of the snapshot, or one element of it. Can be repeated.",
+)
 LIMIT = click.option(
     "--limit",
     "limits",

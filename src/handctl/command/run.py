@@ -161,6 +161,8 @@ class Run(Invocation):
                 from handctl.link.transcript import observed
 
                 observed(link, self.ledger)
+                if (access := self.connection.device_access) is not None:
+                    self.ledger.unstoppable = access.unstoppable
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
 

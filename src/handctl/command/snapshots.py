@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
 from handctl.command.run import Asked, PlannedAction
-from handctl.errors import CheckFailed, Hint, OutputError, UsageError, joined
+from handctl.errors import CheckFailed, DeviceRefused, Hint, OutputError, UsageError, joined
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
 from handctl.model.device import pending_moves, question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
@@ -37,15 +37,40 @@ ACTING = {MOVES: "MOVES the device", PUSHES: "PUSHES with a force until another 
 def read_values(device: Device, elements: Sequence[Element], needed: Collection[str] = ()) -> dict[str, Number]:
     """The present value of each element, by full name. Raises what kept one from being read.
 
-    What this firmware does not have is left out, unless it is `needed`.
+    What this firmware does not have is left out. Where some of that is `needed`, all of it is named.
     """
     every = device.read(elements) if elements else []
     readings = device.present(every)
-    for reading in [*readings, *(one for one in every if one.element.full_name in needed)]:
+    for reading in readings:
         if reading.error is not None:
             exc = reading.error
             raise exc.reworded(f"not all settings could be read: {reading.element.full_name}: {exc.text}")
+    there = {reading.element.full_name for reading in readings}
+    if lacking := [one for one in every if one.element.full_name in {*needed} - there]:
+        names, first = [one.element.full_name for one in lacking], lacking[0].error
+        assert first is not None
+        raise first.reworded(
+            f"{device.link.name}: this firmware does not have {', '.join(whole_names(names, needed))}: {first.text}",
+            hint=skipping(names, needed),
+            code="not-on-this-firmware",
+        )
     return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
+
+
+def whole_names(names: Sequence[str], among: Collection[str]) -> list[str]:
+    """The same names, shorter: all elements of a vector that are `among` those of a file are the vector."""
+    bases = dict.fromkeys(name.partition(".")[0] for name in names)
+    short: list[str] = []
+    for base in bases:
+        mine = [name for name in names if name.partition(".")[0] == base]
+        short += [base] if 1 < len(mine) == sum(name.partition(".")[0] == base for name in among) else mine
+    return short
+
+
+def skipping(names: Sequence[str], among: Collection[str]) -> str:
+    """The next step where some of a snapshot cannot be restored here."""
+    options = " ".join(f"--skip {name}" for name in whole_names(names, among))
+    return f"add {options} to restore the others without it. Nothing was written."
 
 
 def kind_of(params: ParamMap[Any], name: str) -> str:
@@ -169,15 +194,22 @@ def _tell_left_out(run: Run, params: ParamMap[Any], names: Sequence[str], done: 
 
 
 def restore(
-    run: Run, params: ParamMap[Any], path: str, *, check: Check | None = None, setpoints: bool = False
+    run: Run,
+    params: ParamMap[Any],
+    path: str,
+    *,
+    check: Check | None = None,
+    setpoints: bool = False,
+    skip: Sequence[str] = (),
 ) -> PlannedAction:
     """Write what differs from a snapshot, in an order that keeps the device reachable; read back; say what is left out.
 
     Settings; with `setpoints` also what was commanded, forces after a question of their own. Everything is asked before
-    the first byte is written.
+    the first byte is written. What this device does not have, or what may mean something else to it, is refused before
+    that, all of it by name, unless `skip` names it: parameters, or elements of them.
     """
     content = load(path, params.kind)
-    values: dict[str, Number] = content["values"]
+    values = _unskipped(run, content["values"], path, skip)
     _need_settings(params, setpoints)
     found = _checked(params, values, path)
     changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]
@@ -194,6 +226,7 @@ def restore(
         device.find_for_restore(values)
         device.identify()
         _tell_other_device(run, path, content, device)
+        _refuse_other_meaning(device, path, content, changes)
         live.update(read_values(device, params.kept(setpoints=setpoints, further=values), needed=values))
         differing.extend(change for change in changes if live.get(change[0].full_name) != change[1])
         for text in device.not_covered:
@@ -211,7 +244,11 @@ def restore(
         return Asked()
 
     def write(device: Device) -> Table:
-        readings = [reading for group in _groups(differing) for reading in device.write(group)]
+        try:
+            readings = [reading for group in _groups(differing) for reading in device.write(group)]
+        except DeviceRefused as exc:  # only a write shows what can be read here and not set
+            exc.hint = joined(exc.hint, "--skip NAME leaves a setting of the snapshot out")
+            raise
         return _restored(params, differing, live, {reading.element.full_name: reading.value for reading in readings})
 
     question = f"{_restoring(params, changes)}, where they differ" if changes else ""
@@ -236,17 +273,63 @@ def tell_all_listed(run: Run) -> None:
     )
 
 
+def _unskipped(run: Run, values: dict[str, Number], path: str, skip: Sequence[str]) -> dict[str, Number]:
+    """The values without those that `skip` names, which are told. Raises UsageError for a name that is not in the file."""
+    for name in skip:
+        if name not in {known for full in values for known in (full, full.partition(".")[0])}:
+            raise UsageError(f"--skip {name}: {path} does not contain it", hint=UNTOUCHED, code="unknown-name")
+    skipped = [name for name in values if name in skip or name.partition(".")[0] in skip]
+    if skipped:
+        text = f"not restored: {', '.join(whole_names(skipped, values))}. The device keeps what it has"
+        run.journal.info("skipped", text)
+    return {name: value for name, value in values.items() if name not in skipped}
+
+
+def _refuse_other_meaning(device: Device, path: str, content: Mapping[str, Any], changes: Sequence[Change]) -> None:
+    """Refuse values that are of another scale or range on the device that the file is of. Raises UsageError."""
+    said = content.get("device")
+    theirs, ours = device.map_of(said if isinstance(said, dict) else {}), device.own_map()
+    other = [
+        element.full_name
+        for element, _ in changes
+        if (own := ours.get(element.param.name)) is None
+        or own.meaning != getattr(theirs.get(own.name), "meaning", None)
+    ]
+    if other:
+        values = content["values"]
+        raise UsageError(
+            f"{path} is of another model, on which {', '.join(whole_names(other, values))} may mean something else",
+            hint=skipping(other, values),
+            code="other-meaning",
+        )
+
+
 def _checked(params: ParamMap[Any], values: dict[str, Number], path: str) -> list[Change]:
-    changes = []
+    """The changes that the values are. Raises UsageError, which names everything that cannot be set here."""
+    changes, foreign, out_of_range = [], list[str](), list[str]()
     for name, value in values.items():
         try:
             param, elements = params.find(name)
+        except UsageError:
+            foreign.append(name)
+            continue
+        if len(elements) != 1 or not param.writable:
+            foreign.append(name)
+            continue
+        try:
             param.check(value, name)
         except UsageError as exc:
-            raise UsageError(f"{path}: {exc.text}", hint=f"the file does not match this device. {exc.hint}") from exc
-        if len(elements) != 1 or not param.writable:
-            raise UsageError(f"{path}: {name} is not a single setting", hint="the file does not match this device")
+            out_of_range.append(exc.text)
         changes.append((elements[0], value))
+    if foreign:
+        text = f"{path}: {params.kind} has no setting {', '.join(whole_names(foreign, values))}"
+        raise UsageError(text, hint=f"the file does not match this device: {skipping(foreign, values)}", code="foreign")
+    if out_of_range:
+        raise UsageError(
+            f"{path}: {'; '.join(out_of_range)}",
+            hint="the file does not match this device. --skip NAME leaves a value out. Nothing was written.",
+            code="out-of-range",
+        )
     return sorted(
         changes,
         key=lambda change: (change[0].param.strands, -getattr(change[0].param, "address", 0) * change[0].param.strands),

@@ -1,13 +1,15 @@
 """The lock of a device: one process at a time, held while a link is open. Its file names the holder.
 
 The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
-holder and its command, and is empty if there is none. The second is the family of the last command that had one. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
+holder and its command, and is empty if there is none. The second is the family of the last command that had one. The third
+says until when something may last that a command has started and no command stops; mostly there is none. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
 one lock. Knows no link's inside.
 """
 
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from typing import NamedTuple
 
 from handctl.errors import HandctlError, LinkError
@@ -22,6 +24,8 @@ LAST_STOP_SECONDS = 2.5
 that stops the device."""
 
 
+MOST_LASTING = 120.0
+"""Seconds: what is noted for longer is of another start of this computer, whose clock began anew."""
 LIBRARY = "handctl library"
 """The command of a holder that is no command of handctl, but a program that uses the library."""
 
@@ -70,16 +74,32 @@ class Lock:
     def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
         self._family = _family(descriptor)
+        self._line = "\n"
+        self._until = _until(descriptor)
         self.path = path
         self.unrecorded = ""
 
     def record(self, holder: Holder) -> None:
         """Write the holder to the file. The lock works even if the disk is full."""
-        self._family = holder.family or self._family
+        self._family, self._line = holder.family or self._family, holder.line
         try:
-            _write(self._descriptor, holder.line, self._family)
+            self._write(self._descriptor)
         except OSError as exc:
             self.unrecorded = f"{self.path}: {exc.strerror or exc}"
+
+    def lasts(self, seconds: float) -> None:
+        """Note that something has begun that no command stops, and may last so long; 0 = it is over. For later commands too."""
+        self._until = clock.now() + seconds if seconds else 0.0
+        with suppress(OSError):
+            self._write(self._descriptor)
+
+    @property
+    def lasting(self) -> bool:
+        """Whether such a thing may still last."""
+        return 0 < self._until - clock.now() < MOST_LASTING
+
+    def _write(self, descriptor: int) -> None:
+        _write(descriptor, self._line, self._family, self._until if self.lasting else 0.0)
 
     @property
     def descriptors(self) -> tuple[int, ...]:
@@ -90,8 +110,9 @@ class Lock:
         """Let others in. The file stays: taking it away would let two processes lock two files of one name."""
         descriptor, self._descriptor = self._descriptor, -1  # first: a Ctrl-C behind the close must not close it again
         if descriptor >= 0:
+            self._line = "\n"
             try:
-                _write(descriptor, "\n", self._family)
+                self._write(descriptor)
             except OSError:
                 pass  # who reads it finds a process that has gone
             finally:
@@ -210,9 +231,11 @@ def _open(name: str) -> tuple[int, str]:
     ) from problem
 
 
-def _write(descriptor: int, line: str, family: str) -> None:
+def _write(descriptor: int, line: str, family: str, until: float) -> None:
     os.ftruncate(descriptor, 0)
     text = f"{line}{family}\n" if family else line.lstrip("\n")
+    if until:
+        text = f"{line}{family}\n{until!r}\n"
     disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
 
 
@@ -226,6 +249,14 @@ def _family(descriptor: int) -> str:
         return _lines(descriptor)[1]
     except OSError:
         return ""
+
+
+def _until(descriptor: int) -> float:
+    """Until when something may last that no command stops, on `clock`; 0 = nothing is noted."""
+    try:
+        return float(_lines(descriptor)[2])
+    except (OSError, ValueError, IndexError):
+        return 0.0
 
 
 def _holder(descriptor: int) -> Holder | None:

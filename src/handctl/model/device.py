@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
 from handctl.errors import (
     CheckFailed,
     HandctlError,
+    Hint,
     Interrupted,
     NoAnswer,
     NotIdentified,
@@ -81,6 +82,9 @@ def limits_of(settings: Settings, link: Link) -> Limits:
     return {"timeout": settings.timeout, "retries": settings.retries, "bound": end}
 
 
+TWO_REPLIES = "two-replies"
+
+
 class Line:
     """The line to a device: its link, the journal, and the time limits of its requests.
 
@@ -90,6 +94,8 @@ class Line:
     """
 
     usual_timeout: float | None = None
+    gave_up = False
+    """A request got no reply in time: it may still come."""
 
     def __init__(
         self,
@@ -203,11 +209,28 @@ class Line:
         assert isinstance(made, ProtocolError)
         return made
 
+    def two_replies(self, first: object, second: object) -> None:
+        """Warn once that one read got two replies with different data, as far as that was seen without waiting for it.
+
+        Where a request was given up, the other one may be its late reply: then nothing is claimed.
+        """
+        said = any(message.code == TWO_REPLIES for message in self.journal.messages)
+        if not said and not self.journal.counters.retries and not self.gave_up:
+            self.journal.warn(
+                TWO_REPLIES,
+                f"{self.where}: one request got two different replies: {first}, then {second}. The values may come from either of them",
+                hint=Hint(
+                    "check for two devices with this id, or another program that reads the same: {}",
+                    f"doctor -p {self.link.name}",
+                ),
+            )
+
     def unanswered(self, request: str, allowed: float, since: float, hint: str) -> NoAnswer:
         """The error of silence: `request` was sent at the moment `since`, and `allowed` seconds were to be waited.
 
         Where --deadline has cut that short it tells so, and the seconds that were really waited.
         """
+        self.gave_up = True
         seconds = self.link.now() - since
         bounded = self.over and seconds < allowed
         waited = f"before --deadline passed, after {round(seconds, 2):g} s" if bounded else f"within {allowed:g} s"
@@ -294,6 +317,10 @@ class Device(ABC):
     def own_map(self) -> ParamMap[Any]:
         """The map of this particular device, for families with several."""
         return self.map
+
+    def map_of(self, identity: Mapping[str, object]) -> ParamMap[Any]:
+        """The map of the device that said this of itself, for families with several; where it is not known, this one's."""
+        return self.own_map()
 
     def find_for_restore(self, values: dict[str, Number]) -> None:  # noqa: B027 - most have no address to set
         """Make the line address the device that a restore is for; nothing to do unless its address is a setting."""

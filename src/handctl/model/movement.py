@@ -6,14 +6,16 @@ time is longer: a movement may begin late, or pause. The result is one of
 
     reached   it is at its target
     contact   it stopped before its target, and the device reports an object or a stall, or its current or force shows a push
-    short     it stopped before its target for no visible reason, or did not move at all
+    short     it moved, and stopped before its target for no visible reason
+    unmoved   it is not at its target and was not seen to move, for no visible reason
     blocked   it has stopped, and the device reports a fault, such as a locked rotor
     moving    it was not seen at rest for that time when the wait was over: it may still move
     no-speed  it is not at its target, and its set speed is 0
     unread    its position could not be read
 
 `--expect` selects which of these are a success. `reached`: every axis is at its target. `contact`: at least one axis
-touches something, and the others touch something or are at their targets. `any`: each axis is one of the first three. A fault, an axis that still moves, has no speed or could not be read is never a success.
+touches something, and the others touch something or are at their targets. `any`: each axis is one of the first three, however it ended. A movement that
+never began has no end: `unmoved` is never a success, as a fault, an axis that still moves, has no speed or could not be read.
 """
 
 from __future__ import annotations
@@ -27,16 +29,19 @@ from handctl.model.param import Number
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row
 
-REACHED, CONTACT, SHORT, BLOCKED, MOVING, NO_SPEED, UNREAD = (
-    "reached", "contact", "short", "blocked", "moving", "no-speed", "unread",
+REACHED, CONTACT, SHORT, UNMOVED, BLOCKED, MOVING, NO_SPEED, UNREAD = (
+    "reached", "contact", "short", "unmoved", "blocked", "moving", "no-speed", "unread",
 )  # fmt: skip
 ANY = "any"
 EXPECTED = (REACHED, CONTACT, ANY)
 """What `--expect` takes."""
+ENDED = "ended"
+"""For who judges the rows himself: as `any`, and an axis that did not move has ended too."""
 MET: Mapping[str, frozenset[str]] = {
     REACHED: frozenset({REACHED}),
     CONTACT: frozenset({REACHED, CONTACT}),
     ANY: frozenset({REACHED, CONTACT, SHORT}),
+    ENDED: frozenset({REACHED, CONTACT, SHORT, UNMOVED}),
 }
 """What is expected -> the verdicts that each axis may have."""
 CODES = {BLOCKED: "blocked", MOVING: "still-moving", UNREAD: "unread", NO_SPEED: "no-speed"}
@@ -46,6 +51,7 @@ HINTS = {
     MOVING: "wait longer, or stop it",
     UNREAD: "check the link, then read its position again",
     NO_SPEED: "set a speed",
+    UNMOVED: "check for an obstacle, and that its motors have power",
     SHORT: "check for an obstacle. --expect any accepts this",
     CONTACT: "--expect contact accepts this, for example to grip an object",
 }
@@ -116,13 +122,12 @@ class AxisReading(NamedTuple):
 
 
 class Arrival(NamedTuple):
-    """What became of one axis, and why; `moved`: it was seen to move."""
+    """What became of one axis, and why."""
 
     goal: Goal
     value: Number | None
     verdict: str
     why: str = ""
-    moved: bool = True
 
     @property
     def met(self) -> str:
@@ -134,9 +139,8 @@ class Arrival(NamedTuple):
         words = {
             REACHED: f"{self.goal.name} reached {here}",
             CONTACT: f"{self.goal.name} touched something at {here}",
-            SHORT: f"{self.goal.name} stopped at {here}"
-            if self.moved
-            else f"{self.goal.name} did not move from {here}",
+            SHORT: f"{self.goal.name} stopped at {here}",
+            UNMOVED: f"{self.goal.name} did not move from {here}",
             BLOCKED: f"{self.goal.name} is blocked at {here}",
             MOVING: f"{self.goal.name} may still move, now at {here}",
             NO_SPEED: f"{self.goal.name} has speed 0 and stays at {here}",
@@ -266,7 +270,8 @@ class Watch:
             return Arrival(goal, value, MOVING)
         if blocked:
             return Arrival(goal, value, BLOCKED, blocked)
-        return Arrival(goal, value, CONTACT if contact else SHORT, contact, axis.moved)
+        verdict = CONTACT if contact else SHORT if axis.moved else UNMOVED
+        return Arrival(goal, value, verdict, contact)
 
     @property
     def reached(self) -> bool:

@@ -107,6 +107,11 @@ class Param:
         return tuple([Element(self, index) for index in range(self.count)])
 
     @property
+    def meaning(self) -> tuple[object, ...]:
+        """What a number of it means: equal on two maps where the same number does the same."""
+        return self.unit, self.low, self.high, self.decimals, dict(self.special), dict(self.choices), self.bits
+
+    @property
     def path(self) -> str:
         """What `get` takes for it: its name, unless another quantity has the same."""
         return self.name

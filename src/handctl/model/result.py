@@ -446,6 +446,11 @@ class Journal:
         """From now on, writes move the device and the movement goes on without this command. `stop` stops it and reports the result."""
         self._moving = stop, self._moving[1] if self._moving is not None else self.ledger.mark
 
+    @property
+    def drives(self) -> bool:
+        """Whether the command has said that what it writes moves the device."""
+        return self._moving is not None
+
     def still_moving(self) -> Callable[[], Stopped] | None:
         """How what was set going is stopped; None where nothing that moves was written."""
         stop, before = self._moving or (None, 0)

@@ -8,7 +8,7 @@ protocol and does no I/O.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
@@ -37,6 +37,7 @@ class Frame(NamedTuple):
     unasked   counts only where it was planned, as the ^C that a connection begins with
     meaning   what it says where its bytes alone do not show that; "" = they do
     next      what to do if nothing confirms it, where the bytes alone do not show that
+    lasts     seconds that what it starts may last, if no command stops that, such as a calibration; 0 = nothing of the kind
     """
 
     data: bytes
@@ -47,6 +48,7 @@ class Frame(NamedTuple):
     unasked: bool = False
     meaning: str = ""
     next: str = ""
+    lasts: float = 0.0
 
 
 class WriteRules(Protocol):
@@ -157,6 +159,8 @@ class Ledger:
         self._waiting: dict[Hashable, Write] = {}
         self._one_step: Frame | None = None
         self._repeats = False
+        self.unstoppable: Callable[[float], object] = lambda seconds: None
+        """Called where something begins that no command stops, with the seconds that it may last; with 0 when it is over."""
         self._moves = False  # whether any step that was planned moves the device
         self._asked: set[Hashable] = set()  # what of the plan went out
 
@@ -222,6 +226,8 @@ class Ledger:
             self._repeats = before
 
     def _note(self, frame: Frame) -> None:
+        if frame.lasts:
+            self.unstoppable(frame.lasts)
         planned = self._planned(frame.same)
         if planned is not None:
             self._asked.add(frame.same)

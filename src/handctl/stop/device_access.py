@@ -13,7 +13,7 @@ from _thread import RLock
 from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import STOPPED, DeviceRefused, HandctlError, Interrupted, LinkError
+from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
@@ -35,6 +35,10 @@ if TYPE_CHECKING:
     from handctl.link.device_lock import Lock
     from handctl.stop.stop_listener import StopListener
 
+UNSEEN = Aftermath(
+    "something that no command stops, such as a calibration, was started here shortly before, and its end has not been seen",
+    "switch the power off if the device still moves",
+)
 MOST = 24
 """Bytes of an answer that are shown."""
 MOST_CAME = 256
@@ -90,6 +94,7 @@ class DeviceAccess:
         self._lock: Lock | None = None
         self._ear: StopListener | None = None
         self._place = run.place if lock is not None else ""
+        self._until = float("-inf")
         if lock is not None:
             self._keep(lock)
 
@@ -193,8 +198,7 @@ class DeviceAccess:
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = stopped_at(self._run, self.link, sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
-        if (left := self._run.prompts.goes_on()) is not None:
-            stopped = Stopped(f"{stopped.text}. But {left.text}", left.hint, stopped.error or DeviceRefused)
+        stopped = self.judged(stopped)
         self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
@@ -202,6 +206,25 @@ class DeviceAccess:
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
         self._report = report(stopped, sent, number=context_at(self._run, self.link).number)
         return self._report
+
+    def unstoppable(self, seconds: float) -> None:
+        """Note that something has begun that no command stops, and may last so long; 0 = it is over."""
+        if self.link is not None:
+            self._until = self.link.now() + seconds
+        if self._lock is not None:
+            self._lock.lasts(seconds)
+
+    def judged(self, stopped: Stopped) -> Stopped:
+        """The result of a stop: no success while something lasts that none ends, whoever has started it with handctl."""
+        left = self._run.prompts.goes_on()
+        if left is None and (
+            (self._lock is not None and self._lock.lasting) or (self.link is not None and self.link.now() < self._until)
+        ):
+            left = UNSEEN
+        if left is None:
+            return stopped
+        error = stopped.error or DeviceRefused
+        return stopped._replace(text=f"{stopped.text}. But {left.text}", hint=left.hint, error=error, evidence="")
 
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view. A Ctrl-C right after it does not cut the stop off."""

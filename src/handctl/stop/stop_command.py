@@ -247,6 +247,8 @@ def _from_here(
         end = None if bound is None else link.deadline(bound.remaining)
         with run.prompts.without_interrupts():
             stopped = stopped_at(run, link, sent, sequence, end)
+            if (access := run.connection.device_access) is not None:
+                stopped = access.judged(stopped)
     expired = end is not None and end.expired
     silent = (
         not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))

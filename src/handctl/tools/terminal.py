@@ -135,7 +135,7 @@ class Conversation:
         self._reader = TranscriptReader(run.family.kind)
         self.told: list[TranscriptRow] = []
         self._last: float | None = None
-        self._checking = self._drives = False
+        self._checking = False
         self._stack = ExitStack()
         self.link: Link = run.open_link()
         self._start = self.link.now()
@@ -187,8 +187,8 @@ class Conversation:
         if run.end is not None and link.now() >= run.end:
             text = f"{link.name}: --deadline has passed. {step.wire} was not sent"
             raise NoAnswer(text, hint="give a longer --deadline", code="deadline")
-        if step.moves and not self._drives:
-            self._drives = True
+        if step.moves and not run.journal.drives:
+            device.will_move()  # a batch or a shell remembers it behind the end of the terminal
             self._stack.enter_context(device.driven(run.prompts, what="in the terminal: "))
         run.journal.counters.sent += 1
         run.journal.counters.writes += typed.writes

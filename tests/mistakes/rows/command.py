@@ -7,6 +7,24 @@ SESSION = "handctl.command.connection"
 
 ROWS = (
     mistake(
+        "restore-leaves-out-what-the-firmware-lacks-unasked",
+        "false success",
+        "handctl.command.snapshots",
+        "read_values",
+        "if lacking := [one for one in every if one.element.full_name in {*needed} - there]:",
+        "if lacking := []:",
+        "tests/contract/test_restore_elsewhere.py::test_what_the_firmware_lacks_is_named_and_can_be_left_out",
+    ),
+    mistake(
+        "restore-takes-numbers-of-another-scale",
+        "a value that means something else",
+        "handctl.command.snapshots",
+        "restore",
+        "_refuse_other_meaning(device, path, content, changes)",
+        "pass",
+        "tests/contract/test_restore_elsewhere.py::test_what_means_something_else_there_is_refused",
+    ),
+    mistake(
         "link-of-a-session-that-began-by-reading-is-not-observed",
         "ledger lies",
         "handctl.link.transcript",

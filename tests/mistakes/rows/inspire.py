@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "inspire-a-second-reply-in-another-view-of-the-wire",
+        "evidence not seen",
+        "handctl.devices.inspire.serial_bus",
+        "SerialBus.exchange",
+        "self._look_for_second(self._last.reply, self._rest)",
+        "pass",
+        "tests/contract/test_two_replies.py::test_every_verb_says_so",
+    ),
+    mistake(
         "inspire-whoever-is-not-shown-is-an-exo",
         "false identity",
         "handctl.devices.inspire.id_and_baud_search",

@@ -535,6 +535,15 @@ ROWS = (
         "tests/contract/test_truth.py::test_nothing_arrives_that_is_blocked",
     ),
     mistake(
+        "what-never-began-has-ended-somewhere",
+        "false success",
+        "handctl.model.movement",
+        "Watch._arrival",
+        "verdict = CONTACT if contact else SHORT if axis.moved else UNMOVED",
+        "verdict = CONTACT if contact else SHORT",
+        "tests/kernel/test_movement.py::test_when_an_axis_has_ended",
+    ),
+    mistake(
         "append-leaves-half-a-row",
         "a row cut short in a file that a timer fills",
         "handctl.files",

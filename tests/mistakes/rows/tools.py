@@ -8,6 +8,15 @@ ASKED = "tests/tools/test_terminal.py::test_what_may_write_is_asked_for"
 
 ROWS = (
     mistake(
+        "terminal-forgets-what-it-has-set-going",
+        "a device that moves on",
+        "handctl.tools.terminal",
+        "Conversation.send",
+        "device.will_move()  # a batch or a shell remembers it behind the end of the terminal",
+        "run.journal._moving = device.stop, 1 << 30",
+        "tests/kernel/test_batch.py::test_ctrl_c_stops_what_earlier_lines_have_set_going",
+    ),
+    mistake(
         "listen-meets-the-device",
         "a byte that nobody asked for reaches a device that is being switched on",
         LISTEN,
@@ -66,8 +75,8 @@ ROWS = (
         "Ctrl-C leaves the device moving",
         TERMINAL,
         "Conversation.send",
-        "if step.moves and not self._drives:",
-        "if step.moves and self._drives:",
+        "if step.moves and not run.journal.drives:",
+        "if step.moves and run.journal.drives:",
         "tests/tools/test_terminal.py::test_ctrl_c_stops_what_a_line_has_set_going",
     ),
     mistake(

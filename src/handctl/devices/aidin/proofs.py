@@ -18,7 +18,7 @@ from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
 from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, ENCODERS, Target
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
-from handctl.model.movement import ANY
+from handctl.model.movement import ENDED
 from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import MOVE, Disturbed, Observation, Proof
@@ -222,7 +222,7 @@ def _answers(hand: AidinHand) -> bool:
 def _went(hand: AidinHand, target: Target, text: str, prompts: Prompts) -> float:
     """Where the named element is after it was sent to its place, whether it arrived or not. Raises what the movement ends with."""
     (name,) = [text.partition("=")[0]]
-    table = motion.move(hand, motion.parse(target, [text]), prompts, assume_homed=True, expect=ANY)
+    table = motion.move(hand, motion.parse(target, [text]), prompts, assume_homed=True, expect=ENDED)
     if table.failure is not None and not isinstance(table.failure, CheckFailed):
         raise table.failure
     (row,) = [row for row in table.rows if f"{row['finger']}.{row['element']}" == name]

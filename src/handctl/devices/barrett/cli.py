@@ -14,7 +14,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.option_types import InFile, WholeRange
-from handctl.command.options import ALWAYS
+from handctl.command.options import ALWAYS, SKIP
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
@@ -425,8 +425,12 @@ def load(run: Run, motors: str | None) -> PlannedAction:
 
     The baud rate may change, so handctl asks first and then looks for the hand. With --motors, only the settings of
     those motors are loaded (3FLOAD), and the hand settings and the baud rate stay the same.
+    The EEPROM cannot be read, so a load only shows if a value changes, or if RAM then equals handctl's last save.
     """
-    return _plain_commands(_motors_first(motors, "FLOAD", "PLOAD"))
+    from handctl.devices.barrett import load_and_defaults
+
+    commands = _motors_first(motors, "FLOAD", "PLOAD")
+    return _sends(commands, lambda hand: load_and_defaults.load(hand, commands, simulated=run.simulated))
 
 
 @cli.verb("defaults", "Settings", writes=True, asks=True)
@@ -435,9 +439,13 @@ def defaults(run: Run, motors: str | None) -> PlannedAction:
     """Set all parameters in RAM to their factory values (FDEF, PDEF). Saves nothing.
 
     The baud rate changes to 9600 bit/s, so handctl asks first. With --motors, only the settings of those motors are
-    set (SFDEF), and the hand settings and the baud rate stay the same.
+    set (SFDEF), and the hand settings and the baud rate stay the same. handctl reads the values back and compares them
+    with the factory values of the manual.
     """
-    return _plain_commands(_motors_first(motors, "FDEF", "PDEF"))
+    from handctl.devices.barrett import load_and_defaults
+
+    commands = _motors_first(motors, "FDEF", "PDEF")
+    return _sends(commands, lambda hand: load_and_defaults.defaults(hand, commands))
 
 
 @cli.verb("save", "Settings", writes=True, asks=True)
@@ -464,10 +472,12 @@ def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
 @click.argument("file", type=InFile())
 @click.option("--save", "save_too", is_flag=True, help="Then save to EEPROM.")
 @FORCE
-def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
+@SKIP
+def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, ...] = ()) -> PlannedAction:
     """Restore to RAM the values that differ from a snapshot, and read them back.
 
-    The baud rate is written last.
+    The baud rate is written last. A parameter that this firmware does not have is refused before anything is written,
+    unless --skip leaves it out.
     """
     from handctl.devices.barrett import eeprom_saves
 
@@ -479,7 +489,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
                 if element.full_name == "baud_rate":
                     _refuse_to_keep(int(value), force)
 
-    act = snapshots.restore(run, BARRETT, file, check=check)
+    act = snapshots.restore(run, BARRETT, file, check=check, skip=skip)
 
     def whole(hand: BarrettHand) -> Table:
         before = len(hand.journal.messages)
@@ -516,14 +526,6 @@ def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]
 
 def _saves(motors: str | None) -> list[str]:
     return _motors_first(motors, "FSAVE", "PSAVE")
-
-
-def _plain_commands(commands: list[str]) -> PlannedAction:
-    from handctl.devices.barrett.gcl import passthrough
-
-    return _sends(
-        commands, lambda hand: passthrough.run_all(hand, map(passthrough.ScriptLine, commands), keep_going=False)
-    )
 
 
 def _refuse_to_keep(code: int, force: bool) -> None:

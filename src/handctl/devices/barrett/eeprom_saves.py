@@ -30,9 +30,26 @@ def _whole(entry: object) -> bool:
 
 
 def present(hand: BarrettHand) -> dict[str, int]:
-    """All settings as they are in RAM, by full name."""
+    """All settings of this firmware as they are in RAM, by full name. Raises why one of them could not be read."""
     elements = BARRETT.elements(*(param.mnemonic for param in standard() if param.writable))
-    return dict(zip((element.full_name for element in elements), hand.numbers(elements), strict=True))
+    found = hand.present(hand.read(elements))
+    for reading in found:
+        if reading.error is not None:
+            raise reading.error
+    return {reading.element.full_name: int(reading.value or 0) for reading in found}
+
+
+def last_saved(hand: BarrettHand, *, simulated: bool) -> dict[str, int]:
+    """What handctl saved last in this hand, by full name; {} where that is not known, or of a hand without a serial number."""
+    key = _key(hand, simulated)
+    values: dict[str, int] = _known(state_files.load(state_path(FILE), WHAT, _whole), key).get("values", {})
+    return values
+
+
+def _known(journal: dict[str, Any], key: str) -> dict[str, Any]:
+    """The entry of one hand. A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another."""
+    entry: dict[str, Any] = journal.get(key, {}) if key not in UNKNOWN_KEYS else {}
+    return entry
 
 
 def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -> Table:
@@ -46,9 +63,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     now = {name: value for name, value in everything.items() if not prefix or name.rpartition(".")[2] in chosen}
     key = _key(hand, simulated)
     journal = state_files.load(state_path(FILE), WHAT, _whole)
-    # A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another hand.
-    known = journal.get(key, {}) if key not in UNKNOWN_KEYS else {}
-    saved: dict[str, int] = known.get("values", {})
+    saved: dict[str, int] = _known(journal, key).get("values", {})
     before = {name: value for name, value in saved.items() if name in now}
     if now == before and not force:
         raise UsageError(

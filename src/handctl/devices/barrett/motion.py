@@ -15,7 +15,18 @@ from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
-from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, failure_of_arrivals
+from handctl.model.movement import (
+    ARRIVAL,
+    BLOCKED,
+    CONTACT,
+    REACHED,
+    SHORT,
+    UNMOVED,
+    UNREAD,
+    Arrival,
+    Goal,
+    failure_of_arrivals,
+)
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
@@ -336,12 +347,12 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, 
         return Ended(REACHED, "reached")
     if name in TORQUE:
         return Ended(CONTACT, "stalled on something, or at the joint stop")
+    if not status & NOT_REACHED and stayed:
+        return Ended(UNMOVED, "did not move")
     if name == "HI":
         return Ended(SHORT, "its position is not 0 after HI")
     if goal is None:
         return Ended(SHORT, "ended")
-    if not status & NOT_REACHED and stayed:
-        return Ended(SHORT, "did not move")
     if not status & NOT_REACHED and name not in ("O", "C"):
         return Ended(SHORT, "ended short of the target without ERR 16")
     return Ended(CONTACT, "stalled short of the target")

@@ -14,7 +14,7 @@ from handctl.command.command_tree import Command, Group
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
 from handctl.command.option_types import InFile, OutFile
-from handctl.command.options import EXPORTS_LISTED, LOG, RESAMPLE, SEGMENT, FamilyOption, log_options
+from handctl.command.options import EXPORTS_LISTED, LOG, RESAMPLE, SEGMENT, SKIP, FamilyOption, log_options
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
@@ -400,7 +400,8 @@ def set_(run: Run, assignments: tuple[str, ...], audit: str | None, override: bo
 @click.argument("file", type=InFile())
 @_audit_options
 @OVERRIDE
-def restore(run: Run, file: str, audit: str | None, override: bool) -> PlannedAction:
+@SKIP
+def restore(run: Run, file: str, audit: str | None, override: bool, skip: tuple[str, ...] = ()) -> PlannedAction:
     """Write the settings that differ from a snapshot, one by one.
 
     Uses the same checks and confirmations as `set`. Reaches a distant value in permitted steps, one every 10 s, and
@@ -412,7 +413,7 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> PlannedAc
             "steps",
             "a distant value is reached in permitted steps, one every 10 s. How many it takes depends on the device's current values",
         )
-    act = snapshots.restore(run, EKSO, file)
+    act = snapshots.restore(run, EKSO, file, skip=skip)
 
     def look(ekso: Ekso) -> Asked:
         give_writer(run, ekso, audit, override=override, stepwise=True)

@@ -141,6 +141,8 @@ class DataPort(Line):
         self._met = False
         """Whether an answer of an EksoNR came since the port was opened."""
         self._last: tuple[int, int] | None = None
+        self._replied: Frame | None = None
+        """The answer to the last request, if that was a read."""
         self._written: Frame | None = None
         """The answer to the last request that writes."""
         self.contradiction: Frame | None = None
@@ -337,8 +339,9 @@ class DataPort(Line):
         self.answered_at = self.link.now()
         self._settled = self._met = True
         self._last = frame.key
+        self._replied = frame
         if EXCHANGES[frame.command].writes:
-            self._written = frame
+            self._written, self._replied = frame, None
         self.counts.answered += 1
         self.journal.counters.received += 1
         self._count_stray()
@@ -397,6 +400,12 @@ class DataPort(Line):
             )
         elif frame.key == self._last:
             self.counts.duplicates += 1
+            if (
+                self._replied is not None
+                and len(frame.body) == len(self._replied.body)
+                and frame.body != self._replied.body
+            ):
+                self.two_replies(hex_bytes(self._replied.data), hex_bytes(frame.data))
             self.journal.info("duplicate", f"{self.link.name}: replies arrived twice. The second one was discarded")
         else:
             self.counts.late += 1

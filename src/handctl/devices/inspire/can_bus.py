@@ -33,8 +33,6 @@ class CanBus(RegisterBus):
 
     usual = "wrist"
     check_id = staticmethod(can_frames.check_id)
-    _replied: CanFrame | None = None
-    """The reply to the last read, unless others asked the same meanwhile."""
 
     def __init__(self, link: FrameLink, device_id: int, journal: Journal, **more: Any) -> None:
         super().__init__(link, device_id, journal, **more)
@@ -86,28 +84,17 @@ class CanBus(RegisterBus):
 
     def drain(self) -> None:
         """Discard waiting input: late replies and traffic of others."""
-        replied, self._replied = self._replied, None
+        replied: CanFrame | None = self._last.reply  # unless others asked the same meanwhile
+        self._last.reply = None
         for _ in range(4096):
             frame = self.receive(self.link.at_once)
             if frame is None:
                 return
             if replied is not None and frame.can_id == replied.can_id:
-                self._compare(replied, frame)
+                if len(frame.data) == len(replied.data) and frame != replied:
+                    self.two_replies(replied, frame)
                 replied = None
             self.pass_over(frame)
-
-    def _compare(self, replied: CanFrame, behind: CanFrame) -> None:
-        """Warn once of a second reply to one read that has other data. After a repeated request it may be a late one."""
-        said = any(message.code == "two-replies" for message in self.journal.messages)
-        if len(behind.data) == len(replied.data) and behind != replied and not (said or self.journal.counters.retries):
-            self.journal.warn(
-                "two-replies",
-                f"{self.where}: one request got two different replies: {replied}, then {behind}. The values may come from either of them",
-                hint=Hint(
-                    "check for two devices with this id, or another program that reads the same: {}",
-                    f"doctor -p {self.link.name}",
-                ),
-            )
 
     def _exchange(self, request: CanFrame, count: int | None) -> bytes:
         """Send once; the data of the reply. `count` bytes are expected, None = an acknowledgement (0 or 1 byte)."""
@@ -127,7 +114,7 @@ class CanBus(RegisterBus):
                 self.journal.counters.received += 1
                 self.round_trip = self.link.now() - started
                 self.learn(self.round_trip, echo=request in odd)
-                self._replied = frame if count is not None and not odd else None
+                self._last.reply = frame if count is not None and not odd else None
                 return frame.data
             self.pass_over(frame)
             if related(frame, request):

@@ -67,6 +67,8 @@ def send_raw(step: Step, question: str, exchange: Callable[[Any], Table]) -> Pla
     from handctl.devices.inspire import raw
 
     def act(device: RegisterDevice) -> Table:
+        if step.moves:
+            device.will_move()  # what comes behind it in a batch, a shell or a program can be interrupted
         with raw.goes_on(device, step):
             return exchange(device)
 

@@ -948,6 +948,8 @@ def _inner(buffer: bytearray, end: int) -> tuple[int, int]:
 
 # -- what writes, and what acknowledges it (see model.write_ledger) ---------------------------------------------------------
 
+CALIBRATION_SECONDS = 30.0
+"""The longest that a calibration is waited for, on any hand (`exo.calibration`; an RH56 hand needs less)."""
 SHORTEST = 7
 """Bytes of a request up to its address."""
 
@@ -968,7 +970,9 @@ class InspireWriteRules:
             same = self.planned(piece.raw, can_id)
             if same is None:
                 continue
-            found.append(Written(piece.raw, piece.asks or None, same, can_id=can_id))
+            calibrates = piece.fields.get("address") == self._shown.places["calibrate"]
+            lasts = CALIBRATION_SECONDS if calibrates else 0.0
+            found.append(Written(piece.raw, piece.asks or None, same, can_id=can_id, lasts=lasts))
             if can_id is not None:
                 self._can[can_id] = data
             elif piece.fields.get("address") == self._shown.places["save"] and "flag" in piece.fields:

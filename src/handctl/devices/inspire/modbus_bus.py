@@ -287,7 +287,25 @@ class ModbusBus(ByteBus):
         self._learn(answer, request, started, received)
         if answer.exception is not None:
             raise self._refusal(answer.exception, request)
+        self._last.reply = (pdu, answer) if pdu[0] == modbus_frames.READ else None
         return answer
+
+    def drain(self) -> bytes:
+        """See ByteBus. A second reply to the last read with other data is told."""
+        stale = super().drain()
+        replied, self._last.reply = self._last.reply, None
+        if stale and replied is not None:
+            pdu, answer = replied
+            decoder = TcpDecoder() if self.tcp else RtuDecoder(self.id, pdu)
+            decoder.feed(stale)
+            for second in frames_in(decoder):
+                if modbus_frames.answers(second.pdu, pdu) and second.transaction == answer.transaction:
+                    self._compare(answer, second)
+        return stale
+
+    def _compare(self, answer: Answer, second: Answer) -> None:
+        if second.pdu != answer.pdu and not self._owed:
+            self.two_replies(hex_bytes(answer.data), hex_bytes(second.data))
 
     def _heard(
         self, pdu: bytes, request: bytes, deadline: Deadline, last: Deadline
@@ -303,6 +321,8 @@ class ModbusBus(ByteBus):
             for answer in frames_in(decoder, self._count_damaged):
                 fits = modbus_frames.answers(answer.pdu, pdu)
                 if fits and (answer.has_transaction(self._state.transaction) or self._state.counts is False):
+                    if taken is not None and pdu[0] == modbus_frames.READ:
+                        self._compare(taken, answer)
                     taken = answer  # of two that have come the later one: the first may belong to the question before
                 elif fits and not self._owed:
                     kept, deadline = answer, self.link.deadline(BEHIND).earlier(deadline)

@@ -131,6 +131,12 @@ T = TypeVar("T")
 Own = TypeVar("Own", bound="RegisterBus")
 
 
+class LastReply:
+    """The reply to the last read on a wire, as that wire keeps it; every view of it (`RegisterBus.at`) has the same. None = it is no read, or was compared."""
+
+    reply: Any = None
+
+
 class RegisterBus(Line, ABC):
     """The wire to the registers of one device id: what the serial bus and the CAN bus have in common.
 
@@ -169,6 +175,7 @@ class RegisterBus(Line, ABC):
         self.id = device_id
         self.family = family or self.usual
         self.read_flag, self.write_flag = self.spaces.get(self.family) or self.spaces["hand"]
+        self._last = LastReply()
         self._met: set[int] = set()  # ids that have answered a read, also through `at`
 
     @staticmethod

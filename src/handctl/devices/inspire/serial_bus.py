@@ -306,6 +306,7 @@ class SerialBus(ByteBus):
         self.pass_gate(request)
         if self.bound is not None:
             self.check_bound(hex_bytes(request))
+        replied = self._last.reply
         if ((stale := self.drain()) and _begins_request(stale)) or self._disturbed:
             self._let_speak()
         started = self.link.now()
@@ -321,9 +322,33 @@ class SerialBus(ByteBus):
             self._disturbed = _begins_request(came[:JUDGED].removeprefix(request))
             raise self._failure(request, came, started)
         self._rest, self._disturbed, self._slow = decoder.rest(), False, False
+        if decoder.skipped:
+            self._look_for_second(replied, came)
+        if request[4] == self.read_flag:
+            self._last.reply = (prefixes[0], frame)
+            if self._rest:
+                self._look_for_second(self._last.reply, self._rest)
         self.round_trip = self.link.now() - started
         self._learn(request, came, decoder.skipped, pieces)
         return frame
+
+    def drain(self) -> bytes:
+        """See ByteBus. A second reply to the last read with other data is told."""
+        stale = super().drain()
+        if stale:
+            self._look_for_second(self._last.reply, stale)
+        self._last.reply = None
+        return stale
+
+    def _look_for_second(self, replied: tuple[bytes, Frame] | None, data: bytes) -> None:
+        """Tell where `data` has another reply to a read than the one that was taken, with other values; `replied`: how it begins, and it."""
+        if replied is None:
+            return
+        prefix, frame = replied
+        decoder = Decoder([prefix])
+        decoder.feed(data[:JUDGED])
+        if second := next((one for one in frames_in(decoder) if one.data != frame.data), None):
+            self.two_replies(hex_bytes(frame.data), hex_bytes(second.data))
 
     def _heard(
         self, decoder: Decoder, deadline: Deadline, patience: float = 0.0

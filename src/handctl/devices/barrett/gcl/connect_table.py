@@ -48,7 +48,7 @@ SEEN = {
     NOTHING: "silence until the end of the wait",
     PROMPT: "a prompt in reply to the request, or one that was already there",
     OTHER: "a prompt in reply to the request, with other text than the manual has",
-    LATE: "a prompt without an echo of the request: an earlier command has just ended",
+    LATE: "a prompt without an echo of the request: an earlier command has just ended, or the line swallows the echo",
     LOOP: "ERR 2048 and a prompt: RealTime rejected the request as a block header",
     RESTART: "the banner, then a prompt",
     BANNER_ONLY: "the banner, but no prompt yet",
@@ -60,7 +60,7 @@ SEEN = {
 OPENED, REMEMBERED, ASKED, SILENT, BOOTING = "opened", "remembered", "asked", "silent", "booting"
 RESTARTED, LEAVING, ECHOED, ELSEWHERE, AGAIN = "restarted", "leaving", "echoed", "elsewhere", "again"
 CONFIRMED, FILLED_FIRST, FILLED = "confirmed", "filled first", "filled"
-PROVED = "proved"
+PROVED, CLEARED = "proved", "cleared"
 STATES = {
     OPENED: "the port is open: read any bytes that have already arrived",
     REMEMBERED: "request sent at the last known baud rate, if that is not 9600",
@@ -73,24 +73,26 @@ STATES = {
     RESTARTED: "the banner has arrived: wait for its prompt, or request it",
     LEAVING: "noise, a wrong baud rate, or RealTime in the middle of a control block",
     PROVED: "a prompt, but with other text than the manual has: request sent once more. Noise does not say the same twice",
+    CLEARED: "a prompt without an echo: wait for the echo, then send the request once more. After an earlier command has ended, a hand echoes this one",
     ECHOED: "our own bytes came back: a short circuit also returns them at 115200, where the monitor does not",
     ELSEWHERE: "request sent at one of the other baud rates",
     AGAIN: "no reply at any baud rate, or a banner without a prompt: request sent once more, at the first baud rate or at that of the banner",
 }
 FILLING = (FILLED_FIRST, FILLED, LEAVING)
 """What is seen there was asked with FILL."""
-SAME_SPEED = (*FILLING, SILENT, BOOTING, CONFIRMED, RESTARTED, PROVED)
+SAME_SPEED = (*FILLING, SILENT, BOOTING, CONFIRMED, RESTARTED, PROVED, CLEARED)
 """The port keeps the speed of the state before."""
-READY, MONITOR, WIRE, NOBODY, GARBAGE = "ready", "monitor", "wire", "nobody", "garbage"
+READY, MONITOR, WIRE, ECHOLESS, NOBODY, GARBAGE = "ready", "monitor", "wire", "echoless", "nobody", "garbage"
 ENDS = {
     READY: "connected",
-    MONITOR: "exit code 6: boot monitor (no firmware, or just switched on)",
-    WIRE: "exit code 5: TX and RX are connected to each other",
+    MONITOR: "exit code 6: boot monitor (no firmware, or just switched on). If no ':' was received, another device that echoes at 9600 looks the same",
+    WIRE: "exit code 5: TX and RX are connected to each other. On a link without a baud rate of its own, a boot monitor looks the same",
+    ECHOLESS: "exit code 5: the hand replies, but the request is not echoed, so a reply cannot be matched with its request",
     NOBODY: "exit code 4: no reply",
     GARBAGE: "exit code 5: bytes arrived, but no prompt",
 }
 SECONDS = {OPENED: 0.0, REMEMBERED: 0.4, FILLED_FIRST: 0.1, ASKED: 0.4, FILLED: 0.1, SILENT: 3.0, BOOTING: 6.0, CONFIRMED: 0.5, RESTARTED: 5.0, LEAVING: 0.2,
-           PROVED: 0.5, ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
+           PROVED: 0.5, CLEARED: 0.5, ECHOED: 0.05, ELSEWHERE: 0.3, AGAIN: 0.5}  # fmt: skip
 """Longest wait in each state, beyond wire time; of SILENT the time since the port was opened."""
 
 SEND_NOTHING, ASK, REST, ABORTS, LOOP_TEST = (
@@ -120,7 +122,7 @@ SILENCE = "check the hand's power supply, then the serial cable (straight-throug
 MONITOR_TEXT = "boot monitor: no firmware, or just switched on"
 
 SENDS = {
-    **dict.fromkeys((ASKED, CONFIRMED, ELSEWHERE, AGAIN, PROVED), ASK),
+    **dict.fromkeys((ASKED, CONFIRMED, ELSEWHERE, AGAIN, PROVED, CLEARED), ASK),
     **dict.fromkeys((FILLED_FIRST, FILLED), REST),
     LEAVING: ABORTS,
     ECHOED: LOOP_TEST,
@@ -132,7 +134,7 @@ TELLS = {LATE: BUSY, LOOP: IN_LOOP, RESTART: RESTARTED_TEXT, BANNER_ONLY: RESTAR
 
 def _met(colon: str, echo: str, other: str, nothing: str) -> dict[str, str]:
     """The next states of one in which a prompt is an answer."""
-    known = {**dict.fromkeys((PROMPT, LATE, LOOP, RESTART), READY), BANNER_ONLY: RESTARTED}
+    known = {**dict.fromkeys((PROMPT, LOOP, RESTART), READY), LATE: CLEARED, BANNER_ONLY: RESTARTED}
     return {**known, OTHER: PROVED, COLON: colon, ECHO: echo, BYTES: other, NOTHING: nothing}
 
 
@@ -156,6 +158,7 @@ NEXT: dict[str, dict[str, str]] = {
     ELSEWHERE: _met(ELSEWHERE, ELSEWHERE, ELSEWHERE, ELSEWHERE),
     AGAIN: _met(BOOTING, GARBAGE, ASKED, ASKED),
     PROVED: _met(BOOTING, ASKED, ASKED, ASKED) | {OTHER: READY},
+    CLEARED: _met(BOOTING, ASKED, ASKED, READY) | {LATE: ECHOLESS},
 }
 
 

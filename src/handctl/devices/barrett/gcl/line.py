@@ -77,8 +77,10 @@ class GclLine(Line):
         self.interrupt = interrupt
         self.opened = link.now()
         self._connected = False
-        self._unread = b""
+        self._unread = self._behind = b""
         self._told_odd = False
+        self._said: Answer | None = None
+        """The answer to the last get; `_behind` is what came behind it with the same bytes."""
         self.tried: list[tuple[int | None, bytes]] = []
         """Of the last connect: the speeds at which it was asked, and what came."""
 
@@ -231,6 +233,13 @@ class GclLine(Line):
     def _judge_stale(self, command: str, kind: str) -> None:
         """What lies waiting before a command: a sign of a restart is followed up first, and ends what is no question."""
         stale = self.drain()
+        said, self._said = self._said, None
+        if said is not None and (again := self._behind + stale):
+            decoder = Decoder(said.command)
+            decoder.feed(again)
+            second = decoder.next()
+            if second is not None and second.lines != said.lines and _has_form_of(said, second):
+                self.two_replies(" | ".join(said.lines), " | ".join(second.lines))
         if not (_speaks_of_restart(stale, command) or (stale and self.risky)):
             return
         self._unread, self._connected = stale, False
@@ -263,6 +272,8 @@ class GclLine(Line):
                 if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
                     blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
                     answer = answer._replace(raw=answer.raw + blank)
+                self._behind = decoder.received[len(answer.raw) :]
+                self._said = answer if answer.lines and _must_have_lines(command) else None
                 return answer
             until = (whole if decoder.echoed else echo).deadline
             chunk = b"" if until.expired else self.link.read(until)
@@ -503,6 +514,12 @@ def _speaks_of_restart(data: bytes, command: str) -> bool:
 RESTART_HINT = Hint("run {} before any movement. Values that were not saved are lost", "barrett init")
 COLON_ALONE = 0.05
 OFF = "switch the power supply off if anything still moves"
+
+
+def _has_form_of(answer: Answer, second: Answer) -> bool:
+    """Whether it has as many lines and numbers, and nothing else: no bit of it was lost."""
+    numbers = [[len(line.split()) for line in one.lines] for one in (answer, second)]
+    return numbers[0] == numbers[1] and all(set(line) <= set("-0123456789 ") for line in second.lines)
 
 
 def _must_have_lines(command: str) -> bool:

@@ -9,7 +9,7 @@ from handctl.devices.barrett import state_files
 from handctl.devices.barrett.gcl import connect_table as table
 from handctl.devices.barrett.gcl.codec import ABORT, CR, MOTORS, has_prompt, values
 from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
-from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError
+from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError, joined
 from handctl.link import ByteLink
 from handctl.wording import plural
 
@@ -28,6 +28,11 @@ PROGRESS = {
     table.RESTARTED: "the firmware has started. Waiting for its prompt",
 }
 REMEDY = "run it again in a few seconds if the hand was just switched on. If it was off for more than a day or two, it may have lost its firmware: `handctl barrett firmware download FILE` (barrett §3.7, §8)"
+TELL_APART = Hint(
+    "Another device that echoes looks the same. To find out, run {} and switch the hand's power supply off and on: only a boot monitor sends ':'",
+    "barrett listen --duration 30",
+)
+NO_ECHO = "a BarrettHand echoes every character. Check the adapter or the device server: turn off half duplex and echo suppression"
 BUSY_HINT = Hint("A hand does not reply while it moves or saves: {} or --interrupt ends a movement", "barrett stop")
 
 MOST = 2
@@ -50,7 +55,7 @@ class SessionStart:
         )
         self._remembered = not fixed and self._first != table.MONITOR_SPEED
         self._garbage = b""
-        self._woke = self._repeated = False
+        self._woke = self._repeated = self._colon = False
         self._asked = b""
         self._echoed: list[float] = []
         self._other = b""
@@ -65,6 +70,7 @@ class SessionStart:
             row = table.RULES[state, seen]
             if seen == table.OTHER:
                 seen, row = self._judge_other(state, came, row)
+            self._colon = self._colon or seen == table.COLON
             if row.said:
                 self.told.append(row.said)
             if seen in (table.BYTES, table.ECHO):
@@ -124,6 +130,8 @@ class SessionStart:
             return self._leave(state)
         if send == table.REST:
             return self._ask(b"", self._seconds(state), table.FILL)
+        if state == table.CLEARED and table.question_in(late := self._hear(LATE_PROMPT + line.wire_seconds(8))):
+            return late  # the hand had kept the request, and has carried it out now
         early = self._abort() if line.interrupt else b""
         return self._ask(early, self._seconds(state))
 
@@ -236,15 +244,22 @@ class SessionStart:
         tried = f"at {speeds} bit/s" if speeds and link.can_set_baud else "on this link"
         shown = came[:24].hex(" ").upper()
         if end == table.MONITOR:
-            text = f"{link.name}: {table.MONITOR_TEXT}. Nothing more was sent"
-            return NotRunning(text, hint=REMEDY)
+            if self._colon:
+                return NotRunning(f"{link.name}: {table.MONITOR_TEXT}. Nothing more was sent", hint=REMEDY)
+            text = f"{link.name}: our own bytes come back at {table.MONITOR_SPEED} bit/s, but not at {table.LOOP_SPEED}: {table.MONITOR_TEXT}. Nothing more was sent"
+            return NotRunning(text, hint=joined(REMEDY, TELL_APART))
+        if end == table.ECHOLESS:
+            text = f"{link.name}: a prompt arrives {tried}, but no echo of the request, so a reply cannot be matched with its request: {self.tried[-1][1][:24].hex(' ').upper()}"
+            return ProtocolError(text, hint=NO_ECHO, code="no-echo", came=self.tried[-1][1])
         if end in (table.WIRE, table.GARBAGE):
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
-            monitor = " or the boot monitor of a hand without firmware" if echo and not link.can_set_baud else ""
+            if echo and not link.can_set_baud:
+                text = f"{link.name}: only our own bytes come back: an echo (TX and RX connected), or the boot monitor of a hand without firmware: {shown}"
+                return ProtocolError(text, hint=TELL_APART, code="echo-or-monitor", came=came)
             lacking = "no prompt" if b"=>" not in came else "no reply to the request"
             return ProtocolError(
                 f"{link.name}: {lacking} {tried}, but {plural(len(came), 'byte')} arrived: {shown}",
-                hint=f"check the wiring: this is an echo (TX and RX connected){monitor}. If the bytes still come back with the hand unplugged, the wiring is at fault"
+                hint="check the wiring: this is an echo (TX and RX connected). If the bytes still come back with the hand unplugged, the wiring is at fault"
                 if echo
                 else "check the port and the cable, then power-cycle the hand: it may be another device, or a disturbed line",
                 code="echo" if echo else "garbage",

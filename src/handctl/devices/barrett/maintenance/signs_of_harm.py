@@ -14,7 +14,7 @@ from handctl.devices.barrett.maintenance import health_limits
 from handctl.devices.barrett.parameter_map import implausible, unmeasured
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer
 from handctl.model.check_rows import FAIL
-from handctl.model.movement import ANY, REACHED
+from handctl.model.movement import ENDED, REACHED
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import SignOfHarm, damage
 from handctl.model.result import Row
@@ -89,7 +89,7 @@ def _between_looks(
 ) -> tuple[list[Row], float]:
     before = _unharmed(hand)
     calm = damage(hand.journal.counters)
-    table, seconds = motion.timed(hand, prefix, name, argument, prompts, expect=ANY)
+    table, seconds = motion.timed(hand, prefix, name, argument, prompts, expect=ENDED)
     after = _unharmed(hand)
     text = f"{hand.link.name}: {motion.command_text(prefix, name, argument)}"
     if damage(hand.journal.counters) != calm:

@@ -17,7 +17,7 @@ from handctl.devices.barrett.parameter_map import FINGERS, NO_GAUGE
 from handctl.devices.barrett.status_and_parameter_views import NAME, STATUS, live, row_of
 from handctl.errors import CheckFailed, Hint
 from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING
-from handctl.model.movement import ANY
+from handctl.model.movement import ENDED
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -74,7 +74,7 @@ def prepare(hand: BarrettHand, prompts: Prompts) -> None:
     """Initialize, free the spread, open the fingers. Raises what the hand refuses, Interrupted after Ctrl-C."""
     motion.moved(hand, "", "HI", None, prompts)
     motion.power_off(hand, "4")
-    motion.moved(hand, "123", "O", None, prompts, ANY)
+    motion.moved(hand, "123", "O", None, prompts, ENDED)
 
 
 def measure(hand: BarrettHand, count: int = READINGS) -> dict[str, list[int]]:

@@ -55,6 +55,9 @@ RELEASES = (
 its way; a closing finger that met the limit waits for a higher one, one with an error for the clearing (rh56, "Movement is a
 matter of state")."""
 
+NOT_ON_MODEL = "not-on-model"
+"""Code of what a generation does not have."""
+
 
 class Hand(RegisterDevice):
     """One RH56 hand on a bus. See `model.device`.
@@ -111,6 +114,9 @@ class Hand(RegisterDevice):
         """The identity of this device: the hand has no register for model, side or serial number (rh56 §1)."""
         self.know()
         return {"kind": self.kind, "id": self.bus.id, "model": self._known}
+
+    def map_of(self, identity: Mapping[str, object]) -> ParamMap[Any]:
+        return MAPS.get(str(identity.get("model")), BYTE_MAP)
 
     # -- who it is -----------------------------------------------------------------------------------------------
 
@@ -222,6 +228,10 @@ class Hand(RegisterDevice):
             for asked, element in zip(elements, own, strict=True)
         ]
 
+    def lacks(self, error: HandctlError) -> bool:
+        """See Device. What its generation does not have is not asked for."""
+        return error.code == NOT_ON_MODEL or super().lacks(error)
+
     def of_this_device(self, elements: Sequence[Element]) -> Sequence[Element]:
         """A quantity of all six actuators is one of all thirteen on an RH5DG2."""
         self.know()
@@ -244,7 +254,7 @@ class Hand(RegisterDevice):
             return UsageError(
                 f"{who} has no {element.full_name}",
                 hint=Hint("{} shows what it has", f"hand describe --model {model}"),
-                code="not-on-model",
+                code=NOT_ON_MODEL,
             )
         return Element(register, register.elements.index(element.part) if element.part is not None else 0)
 
