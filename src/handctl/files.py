@@ -209,6 +209,12 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
         raise
 
 
+def has_content(descriptor: int) -> bool:
+    """Whether an open file holds something. A file that others read while it grows takes its place: it is emptied when the first line is there, not before."""
+    found = os.fstat(descriptor)
+    return stat.S_ISREG(found.st_mode) and found.st_size > 0
+
+
 class _Part(io.FileIO):
     """A file that remembers that it could not be written: what comes in its place must have all of it.
 

@@ -60,6 +60,23 @@ def test_a_log_has_a_row_for_each_answer_and_a_sidecar(kind: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("kind", FAMILIES)
+def test_what_was_there_stays_until_there_is_a_row(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    assert log(kind, path, "--count", "5").code == 0
+    earlier = [path.read_bytes(), Path(f"{path}.json").read_bytes()]
+    for answers in range(40):  # the settings are read, and then the device falls silent
+        silent: dict[str, object] = {"fault": "deaf", "after": answers, **ANSWERS.get(kind, {})}
+        done = log(kind, path, "--force", "--silence", "1", "--count", "2", **silent)
+        if done.rows and done.rows[0]["rows"]:
+            break
+        assert done.code == 4 and [path.read_bytes(), Path(f"{path}.json").read_bytes()] == earlier, (answers, done)
+    assert log(kind, path, "--force", "--count", "2").code == 0
+    rows, about = kept(path)
+    assert (len(rows), about["rows"], about["complete"]) == (2, 2, True)
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["a.csv", "a.csv.json"]
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
 def test_a_port_that_comes_back_goes_on_in_the_same_file(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     done = log(kind, path, "--rate", "20", "--duration", "5", unplug="2.03:1.3")

@@ -245,3 +245,13 @@ def test_a_log_without_a_walk_is_exit_7(tmp_path: Path) -> None:
     assert run("ekso", "log", path, "--duration", "5", "-p", "fake://ekso?clock=virtual").code == 0
     done = run("ekso", "gait", path, "--json")
     assert (done.code, done.error["code"]) == (7, "no-stride")
+
+
+def test_strides_are_listed_where_none_counts(tmp_path: Path) -> None:
+    path, steps = tmp_path / "short.csv", tmp_path / "steps.csv"
+    assert run("ekso", "log", path, "--duration", "3", "-p", "fake://ekso?clock=virtual&posture=walking").code == 0
+    done = run("ekso", "gait", path, "--steps", steps, "--json")
+    assert (done.code, done.error["code"]) == (7, "no-stride")
+    with steps.open(encoding="utf-8", newline="") as file:
+        verdicts = [row["verdict"] for row in csv.DictReader(file)]
+    assert verdicts and "counted" not in verdicts

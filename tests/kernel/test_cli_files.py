@@ -378,6 +378,23 @@ def test_a_damaged_transcript_is_a_usage_error(tmp_path: Path, text: str) -> Non
     assert str(path) in result.error["text"]
 
 
+def test_an_earlier_trace_stays_until_something_passes(tmp_path: Path) -> None:
+    trace = tmp_path / "t.txt"
+    earlier = "# earlier\n" + "0.000000 > 00\n" * 1000
+    trace.write_text(earlier)
+    for words in (
+        ("get", "id", "-p", tmp_path / "none"),
+        ("get", "nothing", "-p", fake()),
+        ("set", "id=2", "--dry-run", "-p", fake()),
+    ):
+        run("exo", *words, "--trace", trace)
+        assert trace.read_text() == earlier, words
+    assert run("scan", "-p", tmp_path / "none", "--trace", trace).code and trace.read_text() == earlier
+    assert run("exo", "get", "id", "-p", fake(fault="silent"), "--trace", trace).code == 4
+    lines = trace.read_text().splitlines()
+    assert lines[0].startswith("# handctl") and "> EB 90" in lines[1] and "# earlier" not in lines
+
+
 def test_trace_that_cannot_be_written_is_told_before_anything_is_sent(tmp_path: Path) -> None:
     with spying() as spy:
         result = run("exo", "dump", "-p", fake(), "--trace", tmp_path / "no" / "t.txt")

@@ -234,6 +234,8 @@ def _finish(
 
 def _tell(run: Run, recording: Recording) -> None:
     line, clock = recording.timeline, recording.source.clock_name
+    if recording.kept:
+        run.journal.warn("kept", f"no row was recorded, so {recording.path} is still the earlier recording")
     if line.gaps:
         lengths = [gap.length_ms / 1000 for gap in line.gaps]
         run.journal.warn(

@@ -14,6 +14,7 @@ writes such lines; `parse` reads them. Knows no protocol.
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
@@ -21,7 +22,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from handctl import interrupts
 from handctl.errors import LinkError, OutputError, UsageError
-from handctl.files import at_once, writing
+from handctl.files import at_once, has_content, writing
 from handctl.interrupts import handing_over
 from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
 
@@ -243,7 +244,10 @@ CONTINUED = "The command continued, but the recording ends there."
 
 
 class TraceFile(TraceWriter):
-    """A transcript that is being written. `failure`: why it ended early; the traffic itself goes on."""
+    """A transcript that is being written. `failure`: why it ended early; the traffic itself goes on.
+
+    One that was there before is kept until something passes.
+    """
 
     def __init__(self, path: str | None, header: str, verbose: bool) -> None:
         """Begin with a line of comment. Raises OutputError: nothing has been sent yet."""
@@ -254,14 +258,19 @@ class TraceFile(TraceWriter):
         self._stderr = interrupts.waits(sys.stderr)
         self._file = None
         self._waits = -1
+        self._header = f"# {header}\n"
+        self._replaces = False
         if path:
             with writing(path, "the trace ", hint="give --trace another file. Nothing was sent."):
                 self._file = open(  # noqa: SIM115 - until close
-                    path, "w", encoding="utf-8", newline="\n", buffering=1, opener=at_once
-                )
+                    path, "w", encoding="utf-8", newline="\n", buffering=1,
+                    opener=lambda path, flags: at_once(path, flags & ~os.O_TRUNC),
+                )  # fmt: skip
             self._waits = interrupts.watch(self._file, result=False)
+            self._replaces = has_content(self._file.fileno())
             try:
-                self._file.write(f"# {header}\n")
+                if not self._replaces:
+                    self._file.write(self._header)
             except OSError as exc:
                 raise self._failed(exc, "Nothing was sent.") from exc
 
@@ -273,6 +282,10 @@ class TraceFile(TraceWriter):
                 if not interrupts.has_room(self._waits, patience):
                     interrupts.make_room(self._waits)
                     raise TimeoutError("its reader does not accept data")
+                if self._replaces:
+                    self._replaces = False
+                    self._file.truncate(0)
+                    self._file.write(self._header)
                 self._file.write(line)
             except (OSError, ValueError) as exc:
                 self.failure = self._failed(exc, CONTINUED)

@@ -82,12 +82,14 @@ class Segment(timeline.Segment):
     apart_ms: float = 0.0
     said: Mapping[str, float] | None = None
 
-    def read(self, t_ms: Sequence[int], mono: Sequence[float], rtt: Sequence[float], *, clocked: bool) -> None:
+    def read(self, rows: Block, *, clocked: bool) -> None:
         """Take rows that follow each other."""
+        mono = rows.floats("host_mono_s")
         if self.said is None:
-            self._compare(t_ms, mono, rtt, clocked=clocked)
+            self._compare(rows.t_ms, mono, rows.floats("rtt_ms"), clocked=clocked)
         self.rows += len(mono)
-        self.last = Place(None, Moment(mono[-1] - rtt[-1] / 2000, mono[-1] + rtt[-1] / 2000), t_ms[-1], self.number)
+        half = float(rows.columns["rtt_ms"][-1]) / 2000
+        self.last = Place(None, Moment(mono[-1] - half, mono[-1] + half), rows.t_ms[-1], self.number)
 
     def _compare(self, t_ms: Sequence[int], mono: Sequence[float], rtt: Sequence[float], *, clocked: bool) -> None:
         """Fit the clocks, and find by how much they part."""
@@ -189,7 +191,7 @@ class Surveyor:
     def take(self, parts: Mapping[int, Block]) -> None:
         """The next rows, by segment. Raises UsageError where the host's time cannot be."""
         for number, part in parts.items():
-            mono, utc, rtt = map(part.floats, ("host_mono_s", "host_utc_s", "rtt_ms"))
+            mono, utc = map(part.floats, ("host_mono_s", "host_utc_s"))
             self._follow(mono, utc)
             if (segment := self.found.segments.get(number)) is None:
                 first = Place(None, Moment(mono[0], mono[0]), part.t_ms[0], number)
@@ -198,7 +200,7 @@ class Surveyor:
                 segment = Segment(number, self._row, first, None, first, utc_s=utc[0], pause_s=pause)
                 segment.said = self._fits.get(number)
                 self.found.segments[number] = segment
-            segment.read(part.t_ms, mono, rtt, clocked=self.found.clocked)
+            segment.read(part, clocked=self.found.clocked)
             marks = part.columns[MARK]
             for at in [at for at, mark in enumerate(marks) if mark] if any(marks) else ():
                 notes, rest = self._notes(marks[at].decode(), self._row + at, segment)
@@ -207,7 +209,7 @@ class Surveyor:
 
     def _follow(self, mono: Sequence[float], utc: Sequence[float]) -> None:
         """Raise UsageError for a row at which the host's clock fell back, or is none."""
-        if mono[0] < self._last or mono != sorted(mono) or not 0 <= (walls := sorted(utc))[0] <= walls[-1] < LATEST_S:
+        if mono[0] < self._last or mono != sorted(mono) or not 0 <= min(utc) <= max(utc) < LATEST_S:
             last = self._last
             for at, (moment, wall) in enumerate(zip(mono, utc, strict=True), self._row + 1):
                 if moment < last or not 0 <= wall < LATEST_S:

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
-from handctl.files import atomic_write, writing
+from handctl.files import atomic_write, has_content, writing
 from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import Heard
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
@@ -48,7 +48,8 @@ def without_interrupts() -> Iterator[None]:
 class Recording:
     """One recording and its sidecar, being written.
 
-    Raises UsageError when a file of that name exists (unless `force`) or cannot be made.
+    Raises UsageError when a file of that name exists (unless `force`) or cannot be made. With `force` what was there, the sidecar
+    too, is kept until there is a row.
     """
 
     def __init__(
@@ -75,6 +76,10 @@ class Recording:
         self._first: Stamp | None = None
         self._last: Stamp | None = None
         self._file = open_new(path, force)
+        self.kept = has_content(self._file)
+        """Whether the file is still the one that was there before."""
+        if self.kept:
+            return
         try:
             self._append(source.layout.header)
             self.write_sidecar()
@@ -106,6 +111,8 @@ class Recording:
         mark = self._pending_text()
         text = self.source.layout.line(stamp, sample.values, "; ".join([*_notes(place), *([mark] if mark else [])]))
         with without_interrupts():
+            if self.kept:
+                self._replace()
             self._append(text)
             self.timeline.count(place)
             self._reopened = False
@@ -137,6 +144,14 @@ class Recording:
         if self._reopened:
             self._reopened = False
             self.timeline.holes.append(Hole(None))
+
+    def _replace(self) -> None:
+        """Take the place of what was there before. Raises OutputError."""
+        with writing(self.path, code="log-file"):
+            os.ftruncate(self._file, 0)
+        self.kept = False
+        self._append(self.source.layout.header)
+        self.write_sidecar()
 
     def _append(self, text: str) -> None:
         data = text.encode()
@@ -194,6 +209,8 @@ class Recording:
 
     def write_sidecar(self, ended: str | None = None, **more: Any) -> None:
         """Write the present state of the sidecar, with the keys of `more`; `ended` once the file is closed. Raises OutputError."""
+        if self.kept:
+            return
         line = self.timeline
         missing = self.missing(ended) if ended is not None else None
         content = {
@@ -314,11 +331,11 @@ def refuse_existing(path: str, force: bool, *, final: bool = False) -> None:
 
 
 def open_new(path: str, force: bool) -> int:
-    """A new file, descriptor for writing. Never touches an existing one unless `force`. Raises UsageError and OutputError."""
+    """A new file, descriptor for writing, or with `force` an existing one as it is. Raises UsageError and OutputError."""
     refuse_existing(path, force)
     with writing(path, hint="choose another file", code="log-file"):
         try:
-            return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (os.O_TRUNC if force else os.O_EXCL), 0o666)
+            return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (0 if force else os.O_EXCL), 0o666)
         except FileExistsError as exc:
             raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
 

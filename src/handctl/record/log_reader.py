@@ -16,7 +16,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
 from itertools import compress, islice
 from math import isfinite, nan
-from operator import itemgetter
 from typing import Any, BinaryIO, NamedTuple
 
 from handctl.errors import Hint, UsageError
@@ -74,9 +73,9 @@ class Known(dict[Any, Any]):
         made = self[value] = self._make(value)
         return made
 
-    def of(self, column: Sequence[Any]) -> tuple[Any, ...]:
+    def of(self, column: Sequence[Any]) -> list[Any]:
         """That of a column."""
-        return (self[column[0]],) * len(column) if constant(column) else itemgetter(*column)(self)
+        return [self[column[0]]] * len(column) if constant(column) else list(map(self.__getitem__, column))
 
 
 class Meanings(Known):
@@ -133,16 +132,22 @@ def number_of(text: str) -> float:
 class Block:
     """Some rows that follow each other: their texts by column, device times, segments.
 
-    `text` is all of it as the recorder wrote it, but for the last line's end; empty where something is quoted or unusual.
     `known` is what the device's columns say, as `LogFile.blocks` was asked.
     """
 
-    def __init__(self, columns: dict[str, Sequence[bytes]], text: bytes = b"") -> None:
+    def __init__(self, columns: dict[str, Sequence[bytes]], lines: bytes = b"") -> None:
         self.columns = columns
-        self.text = text
+        self._lines = lines
         self.t_ms: list[int] = []
         self.segments: list[int] = []
         self.known: dict[str, Sequence[Any]] = {}
+
+    @property
+    def text(self) -> bytes:
+        """All of it as the recorder wrote it, but for the last line's end; empty where something is quoted or unusual."""
+        if not self._lines or b'"' in self._lines:
+            return b""
+        return self._lines if self._lines.endswith(b"\r") else self._lines.replace(b"\n", b"\r\n") + b"\r"
 
     def of(self, segment: int | None) -> Block:
         """Only the rows of a segment."""
@@ -184,6 +189,7 @@ class LogFile:
         """True when an unfinished last row was left out."""
         self._say: Callable[[str, float], Any] = a_number
         self._tables: dict[object, Meanings | Checked] = {}
+        self._line = 2
         with opened(path, "a log", hint=Hint("{} makes one", f"{kind} log {path}")) as file:
             header = file.readline(LONGEST_LINE).decode("utf-8-sig", "replace")
         try:
@@ -277,7 +283,7 @@ class LogFile:
 
         `say` is what a text of a channel becomes in `Block.known`: `a_number`, or bytes that mostly are the text itself.
         """
-        self._say, self._tables = say, {}
+        self._say, self._tables, self._line = say, {}, 2
         count = 0
         for block in self._blocks():
             if not count and self._began_elsewhere(block):
@@ -301,21 +307,20 @@ class LogFile:
 
     def _blocks(self) -> Iterator[Block]:
         last = (0, 0)
-        for number, rows, data in self._pieces():
-            block = self._block(rows, data, last) or self._slowly(number, data, last)
+        for data in self._pieces():
+            block = self._block(data, last) or self._slowly(data, last)
             last = (block.segments[-1], block.t_ms[-1])
+            self._line += len(block.t_ms)
             yield block
             forget(self._tables.values())
 
-    def _pieces(self) -> Iterator[tuple[int, int, bytes]]:
-        """The lines below the header, many at once: number of the first, how many, and all of them but for the last one's end."""
-        number = 2
+    def _pieces(self) -> Iterator[bytes]:
+        """The lines below the header, many at once, all of them but for the last one's end; `_line` is that which comes next."""
         with opened(self.path, "a log") as file:
             file.readline(LONGEST_LINE)
             lines = self._whole_lines(file)
             while some := list(islice(lines, ROWS)):
-                yield number, len(some), b"".join(some)[:-1]
-                number += len(some)
+                yield b"".join(some)[:-1]
 
     def _whole_lines(self, file: BinaryIO) -> Iterator[bytes]:
         number = 1
@@ -330,22 +335,21 @@ class LogFile:
                 return
             yield line
 
-    def _block(self, rows: int, data: bytes, last: tuple[int, int]) -> Block | None:
+    def _block(self, data: bytes, last: tuple[int, int]) -> Block | None:
         """These rows, checked column by column; None where something in them is unusual."""
         try:
             data.decode("utf-8")
         except UnicodeDecodeError:
             return None
-        found = _columns(data, rows, len(self.names))
+        found = _columns(data, len(self.names))
         if found is None:
             return None
-        whole = b"" if b'"' in data else data if data.endswith(b"\r") else data.replace(b"\n", b"\r\n") + b"\r"
-        block = Block(dict(zip(self.names, found, strict=True)), whole)
+        block = Block(dict(zip(self.names, found, strict=True)), data)
         lead = {name: joined(block.columns[name], decimals) for name, decimals in self.lead}
         segments = block.columns["segment"]
         if None in lead.values() or not constant(segments) or not self._right(block):
             return None
-        block.t_ms, block.segments = integers(lead["t_s"] or b""), [int(segments[0])] * rows
+        block.t_ms, block.segments = integers(lead["t_s"] or b""), [int(segments[0])] * len(segments)
         follows = last <= (block.segments[0], block.t_ms[0]) and block.segments[0] <= last[0] + 1
         return block if follows and block.t_ms == sorted(block.t_ms) else None
 
@@ -369,11 +373,11 @@ class LogFile:
         """What makes a text of a channel its number, or raises ValueError."""
         return number_of
 
-    def _slowly(self, number: int, data: bytes, last: tuple[int, int]) -> Block:
+    def _slowly(self, data: bytes, last: tuple[int, int]) -> Block:
         """These rows, checked one by one."""
         rows, places = [], []
         at_segment, at_time = map(self.names.index, ("segment", "t_s"))
-        for at, line in enumerate(data.split(b"\n"), number):
+        for at, line in enumerate(data.split(b"\n"), self._line):
             fields = self._fields(at, line)
             rows.append([field.encode() for field in fields])
             place = int(fields[at_segment]), parse_fixed(fields[at_time], 3)
@@ -400,28 +404,25 @@ class LogFile:
         return fields
 
 
-def _columns(data: bytes, rows: int, width: int) -> Sequence[Sequence[bytes]] | None:
-    """The fields of so many lines by column; None where one has another number of them, or not the end that all have."""
-    ends = data.count(b"\r")
-    if b'"' in data:
-        text = data.decode()
-        text = text.replace("\r\n", "\n").removesuffix("\r") if ends else text
+def _columns(data: bytes, width: int) -> Sequence[Sequence[bytes]] | None:
+    """The fields of some lines by column; None where one has another number of them, or not the end that all have."""
+    plain = data.replace(b"\r\n", b"\n").removesuffix(b"\r") if b"\r" in data else data
+    parted = plain.replace(b"\n", b",\n,")  # so the ends of the lines are a column as well
+    rows = (len(parted) - len(plain)) // 2 + 1
+    if len(data) - len(plain) not in (0, rows) or b"\r" in plain:
+        return None
+    if b'"' in plain:
         try:
-            lines = [] if "\r" in text else list(csv.reader(text.split("\n"), strict=True))
+            lines = list(csv.reader(plain.decode().split("\n"), strict=True))
         except csv.Error:
             return None
         if len(lines) != rows or set(map(len, lines)) != {width}:
             return None
         return [[field.encode() for field in column] for column in zip(*lines, strict=True)]
-    flat = data.replace(b"\n", b",\n,").split(b",")  # so the ends of the lines are a column as well
+    flat = parted.split(b",")
     if len(flat) != rows * (width + 1) - 1 or flat[width :: width + 1].count(b"\n") != rows - 1:
         return None
-    found = [flat[at :: width + 1] for at in range(width)]
-    if ends:
-        if ends != rows or not all(field.endswith(b"\r") for field in set(found[-1])):
-            return None
-        found[-1] = [field[:-1] for field in found[-1]]
-    return found
+    return [flat[at :: width + 1] for at in range(width)]
 
 
 DIGITS = bytes.maketrans(b"123456789", b"0" * 9)

@@ -67,9 +67,9 @@ def add_gait(group: Group) -> None:
 
         source = LogFile(log)
         walk = walk_of(source)
-        _tell(run, log, source, walk)
         if steps is not None:
-            _write(steps, _list_of(walk))
+            _write(steps, _list_of(walk))  # also where no stride counts: it says why
+        _tell(run, log, source, walk)
         if later is None:
             found = Table(rows=[*map(_figure, walk.figures), *_counts(walk)], columns=FIGURES)
             if page is not None:

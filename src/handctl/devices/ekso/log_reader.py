@@ -86,8 +86,8 @@ class LogFile(log_reader.LogFile):
     def reader(self, column: str) -> Callable[[str], float]:
         return self._readers[column]
 
-    def _pieces(self) -> Iterator[tuple[int, int, bytes]]:
-        number, rest = 2, b""
+    def _pieces(self) -> Iterator[bytes]:
+        rest = b""
         with opened(self.path, "a log") as file:
             file.readline(LONGEST_LINE)
             while data := file.read(CHUNK):
@@ -96,15 +96,13 @@ class LogFile(log_reader.LogFile):
                 while len(rest) - begin >= LONGEST_LINE:
                     end = rest.rfind(b"\n", begin, begin + LONGEST_LINE)
                     if end < 0:
-                        raise too_long(self.path, number + rest.count(b"\n", 0, begin))
+                        raise too_long(self.path, self._line + rest.count(b"\n", 0, begin))
                     begin = end + 1
                 whole, some, rest = rest.rpartition(b"\n")
                 if some:
-                    rows = whole.count(b"\n") + 1
-                    yield number, rows, whole
-                    number += rows
+                    yield whole
         if rest and self.closed:
-            raise cut_short(self.path, number)
+            raise cut_short(self.path, self._line)
         self.cut = bool(rest)
 
     def _right(self, block: Block) -> bool:
@@ -127,7 +125,7 @@ class LogFile(log_reader.LogFile):
         words = [list(map(int, block.columns[name])) for name in names[names.index(MARK) + 1 :]]
         for quantity, column in zip(self.layout.shown, self.layout.columns, strict=True):
             numbers = self.numbers(quantity).of(block.columns[column])
-            if tuple(map(quantity.raw_of, words[quantity.word])) != numbers:
+            if list(map(quantity.raw_of, words[quantity.word])) != numbers:
                 return False
         return list(map(boot_ms, zip(*words, strict=True))) == integers(b"\n".join(block.columns["boot_ms"]))
 

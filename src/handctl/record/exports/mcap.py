@@ -12,7 +12,7 @@ import zlib
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from io import BytesIO
-from itertools import accumulate, chain, repeat
+from itertools import accumulate, chain, islice, repeat
 from typing import IO, TYPE_CHECKING, Any
 
 from handctl.files import atomic_write
@@ -28,7 +28,7 @@ HEAD = struct.Struct("<BQHIQQ")
 """Of a message: what it is, length, channel, sequence, log time, publish time."""
 APART = 9
 """Bytes of it that the length does not count."""
-NS = 1_000_000_000
+NS = 1e9
 LEVEL = -2
 """Of the compression: with names that repeat in each message the file is about as small at twice the speed of the usual one."""
 NUMBER = re.compile(r"-?(0|[1-9][0-9]*)([.][0-9]+)?([eE][-+]?[0-9]+)?", re.ASCII)
@@ -122,9 +122,9 @@ class Chunks:
         self, channel: int, times: Sequence[int], texts: Sequence[bytes], came: Sequence[int], numbers: Sequence[int]
     ) -> None:
         """Messages: log time, content, publish time, sequence."""
-        lengths, done = [HEAD.size + length for length in map(len, texts)], 0
-        heads = map(HEAD.pack, repeat(5), [length - APART for length in lengths], repeat(channel), numbers, times, came)
-        messages = list(chain.from_iterable(zip(heads, texts, strict=True)))
+        lengths, done = list(map(HEAD.size.__add__, map(len, texts))), 0
+        heads = map(HEAD.pack, repeat(5), map((-APART).__add__, lengths), repeat(channel), numbers, times, came)
+        messages = chain.from_iterable(zip(heads, texts, strict=True))
         self._counts[channel] = self._counts.get(channel, 0) + len(lengths)
         while done < len(lengths):
             places = list(accumulate(lengths[done:] if done else lengths, initial=self._data.tell()))
@@ -132,7 +132,7 @@ class Chunks:
             at, place = self._found.setdefault(channel, ([], []))
             at += times[done : done + some]
             place += places[:some]
-            self._data.writelines(messages[2 * done : 2 * (done + some)])
+            self._data.writelines(islice(messages, 2 * some))
             done += some
             if self._data.tell() > CHUNK:
                 self._close()
@@ -234,8 +234,7 @@ def _number(text: str, number: float) -> bytes:
 def _plain(block: Block, name: str, decimals: int) -> Sequence[bytes]:
     """A column of the recorder as JSON: as it was written, but for zeros that only lead."""
     texts = block.columns[name]
-    lines = b"\n" + b"\n".join(texts)
-    zeros = lines.count(b"\n0")
-    if b"-" not in lines and (not zeros or (decimals and zeros == lines.count(b"\n0."))):
+    lines = b"\n" + (texts[0] if constant(texts) else b"\n".join(texts))
+    if b"-" not in lines and (b"\n0" not in lines or (decimals and lines.count(b"\n0") == lines.count(b"\n0."))):
         return texts
     return [repr(number).encode() for number in (block.floats(name) if decimals else map(int, texts))]
