@@ -171,7 +171,7 @@ class Hand(RegisterDevice):
         for bus in (self.bus, self._other):
             if bus is not None:
                 bus.per = 2 if model in (F1, DG2) else 1
-                bus.presence = (self.map["angle_actual"].address, 2)
+                bus.asked_first = (self.map["angle_actual"].address, 2)
 
     def answered(self, ask: Callable[[], T]) -> T:
         """The result of `ask`; without a reply on the first wire, asked again on the other."""
