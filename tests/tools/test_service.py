@@ -339,6 +339,22 @@ def test_ctrl_c_at_a_question_leaves_a_report(question: str) -> None:
     assert data()["service"]["steps"]["doctor"]["state"] == "done"
 
 
+def test_what_the_firmware_lacks_is_in_the_report() -> None:
+    """It is no finding, but what a colleague would look for; a number alone would not name what it is of."""
+    served("aidin", "fault=missing-key")
+    assert [row["evidence"] for row in data()["service"]["rows"] if row["check"] == "not-on-this-firmware"] == [
+        "not on this firmware: current_state"
+    ]
+    seen: list[str] = []
+
+    def kept(text: str) -> str:
+        seen.append(text)
+        return ""
+
+    person("service", "fake://barrett?clock=virtual&fault=no-board&initialized=1", *QUICK, answers=[kept] * 8)
+    assert "fail: status.F2: " in seen[-1]
+
+
 # -- practice -------------------------------------------------------------------------------------------------------
 
 

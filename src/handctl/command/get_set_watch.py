@@ -347,11 +347,6 @@ def watch(
         if late:
             turn = device.link.now() + (SLOWLY_FAILED_SECONDS if readings[-1].error else SLOWLY_SECONDS)
         errors = [reading.error for reading in readings[: len(elements)]]
-        if any(errors) and not names:  # nobody has asked for what this firmware does not have
-            there = device.present(readings)
-            for path in {one.element.path for one in readings} - {one.element.path for one in there}:
-                unread.pop(path, None)
-            readings = there
         for reading in readings if unread else ():
             if reading.error is None:
                 unread.pop(reading.element.path, None)

@@ -25,6 +25,15 @@ ROWS = (
         "tests/kernel/test_batch.py::test_a_write_stands_in_the_record_as_often_as_it_went_out",
     ),
     mistake(
+        "service-leaves-out-what-the-firmware-lacks",
+        "false success",
+        "handctl.tools.service_steps",
+        "Service.step",
+        "elif message.code == NOT_THERE:",
+        "elif False:",
+        "tests/tools/test_service.py::test_what_the_firmware_lacks_is_in_the_report",
+    ),
+    mistake(
         "service-carries-out-a-write",
         "safety check missing",
         "handctl.tools.service_steps",

@@ -108,15 +108,6 @@ ROWS = (
         "tests/inspire/test_contact.py::test_a_device_without_the_register_that_is_asked_first_is_found",
     ),
     mistake(
-        "what-nobody-asked-for-ends-a-watch",
-        "false silence",
-        "handctl.command.get_set_watch",
-        "watch",
-        "if any(errors) and not names:  # nobody has asked for what this firmware does not have",
-        "if False:",
-        "tests/inspire/test_contact.py::test_an_exo_without_a_register_is_no_silence",
-    ),
-    mistake(
         "inspire-an-exo-with-a-register-less-is-silent",
         "false message",
         "handctl.devices.inspire.exo.device",
