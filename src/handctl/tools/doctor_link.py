@@ -248,7 +248,11 @@ def _unasked(it: LinkChecks) -> Verdict:
     text = f"{plural(len(it.unasked), 'byte')} arrived before anything was sent: {hex_bytes(it.unasked[:16])}"
     if it.known and "serial" not in it.probe.WIRES:
         return "ok", f"{text} (this device may send data unasked)"
-    return "warning", text, "check for another device, a second master or a wrong speed"
+    return (
+        "warning",
+        text,
+        "run it again if the device was just switched on. Otherwise check for another device, a second master or a wrong speed",
+    )
 
 
 def _answer(it: LinkChecks) -> Verdict:
