@@ -469,7 +469,8 @@ def _round_trip(it: LinkChecks) -> Verdict:
         f"over {row['count']}. Histogram in ms: {classes}"
     )
     late = not it.series.failed and row["late"] > 0.05 * row["count"] and row["max_ms"] > 20
-    remedy = "try another USB port: other programs, a hub or a busy computer delay replies" if late else ""
+    way = "cable" if it.link.name.startswith("tcp://") else "USB port"
+    remedy = f"try another {way}: other programs, a hub or a busy computer delay replies" if late else ""
     return "warning" if late else "ok", text, remedy, tuple(row.items())
 
 
