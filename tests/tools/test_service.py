@@ -296,6 +296,11 @@ def test_whose_device_it_is_stays_out() -> None:
     assert served("ekso", "fault=healthy").code == 0
     assert not [one for kind in FAMILIES for one in _map(kind).kept() if one.param.private], "none is in a snapshot"
     assert {row["value"] for row in data()["dump"] if row["name"] == "pilot_id"} == {"redacted"}
+    found = run("service", "fake://barrett?clock=virtual", "--report", "found.html", *QUICK, "--json")
+    assert "serial number redacted" in [row["evidence"] for row in found.rows if row["step"] == "find"][-1], (
+        "it was found by a scan that shows its number"
+    )
+    assert "serial number 1042" not in Path("found.html").read_text(encoding="utf-8")
     for kind in ("ekso", "barrett"):
         assert served(kind, "fault=healthy", "--force").code in (0, 7)
         played = run(kind, "status", "-p", "replay:r.html", "--json")

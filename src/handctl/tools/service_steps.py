@@ -286,6 +286,8 @@ class Service:
         over, problems = self.visit.over, self.visit.problems
         self.visit = Visit(run, params, self._of_page, self.lines)
         self.visit.over, self.visit.problems = over, problems
+        private = self.visit.privacy.text  # only now it is known what names this device
+        self.rows = [{**row, "evidence": private(row["evidence"])} for row in self.rows]
         self.reached = True
 
     def _found(self) -> Iterator[Check]:
