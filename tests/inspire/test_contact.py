@@ -195,7 +195,8 @@ def test_a_device_without_the_register_that_is_asked_first_is_found(
     family: str, without: int, options: dict[str, str]
 ) -> None:
     """Another harmless question is asked as well, and a refusal is an answer: contact is evident."""
-    with odd_registers(without=((without, 2),)):
+    size = 12 if options == {"bus": "can"} and family == "hand" else 2  # there a part of it would confirm a hit
+    with odd_registers(without=((without, size),)):
         result = asked(family, "scan", **options)
     assert (result.code, [(row["family"], row["id"]) for row in result.rows]) == (0, [(family, 1)]), result
 

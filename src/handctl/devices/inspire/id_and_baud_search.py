@@ -610,7 +610,7 @@ class CanSearch:
 
     def __init__(self, bus: CanBus, span: Span, what: str) -> None:
         self._bus = bus
-        others = [one for one in bus.first_questions if one[0] != span[0]]
+        others = [one for one in (*bus.first_questions, *FRESH_SHORT[bus.space][:2]) if one[0] != span[0]]
         self._spans = (span, (span[0] + 2, span[1]), *others)
         self._what = what
         self._wanted: dict[int, tuple[int, Span]] = {}

@@ -180,8 +180,13 @@ class RegisterBus(Line, ABC):
         """What nobody else acts on, and every device with this register space answers; a firmware may lack one."""
         if self.per != 1 and self.asked_first is not None:
             return (self.asked_first,)
+        return READS[self.space]
+
+    @property
+    def space(self) -> int:
+        """Its register space, by the read flag that this has on a serial line."""
         wrist, _ = self.spaces.get("wrist", (None, None))
-        return READS[eb90.WRIST_READ if self.read_flag == wrist else eb90.READ]
+        return eb90.WRIST_READ if self.read_flag == wrist else eb90.READ
 
     @property
     def presence(self) -> Span:
