@@ -111,8 +111,19 @@ class Absent(Operator):
         return False
 
 
-def test_a_download_does_not_wait_long_for_a_hand_that_is_on() -> None:
-    link = Operated()
+class Ticking(Operated):
+    """Its clock goes on from one look to the next, as a real one does."""
+
+    ticks = 0.0
+
+    def now(self) -> float:
+        self.ticks += 1e-6
+        return super().now() + self.ticks
+
+
+@pytest.mark.parametrize("clock", [Operated, Ticking])
+def test_a_download_does_not_wait_long_for_a_hand_that_is_on(clock: type[Operated]) -> None:
+    link = clock()
     prompts = Absent(link)
     prompts.ready = False
     failed = Run(link=link, prompts=prompts)

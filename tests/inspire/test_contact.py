@@ -10,11 +10,16 @@ from typing import Any
 import pytest
 
 from handctl.devices.inspire import eb90
+from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.exo.probe import TARGET as EXO
 from handctl.devices.inspire.hand.probe import TARGET as HAND
+from handctl.devices.inspire.id_baud_save_reset import probe
+from handctl.devices.inspire.modbus_bus import ModbusBus
+from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.scan import sweep
+from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.devices.inspire.wrist.probe import TARGET as WRIST
-from handctl.link import CanFrame, open_link
+from handctl.link import CanFrame, FrameLink, open_link
 from handctl.model.result import Journal
 from handctl.model.scan_task import ScanTask
 from handctl.tools import stop
@@ -172,6 +177,55 @@ def test_a_scan_finds_whoever_answers_two_questions(family: str, how: dict[str, 
         result = asked(family, "scan", "--ids", "1-3", **options)
     assert (result.code, [(row["family"], row["id"]) for row in result.rows]) == (0, [(family, 1)]), result
     assert not {"unconfirmed", "wrong-id", "cut-short"} & set(result.codes())
+
+
+@each_row(
+    ("family", "without", "options"),
+    [
+        ("exo", 1472, {}),
+        ("wrist", 1024, {}),
+        ("wrist", 1020, {"bus": "can"}),
+        ("hand", 1472, {}),
+        ("hand", 1546, {"bus": "can"}),
+        ("hand", 1546, {"speaks": "modbus"}),
+        ("hand", 1472, {"bus": "modbus-tcp", "model": "tp"}),
+    ],
+)
+def test_a_device_without_the_register_that_is_asked_first_is_found(
+    family: str, without: int, options: dict[str, str]
+) -> None:
+    """Another harmless question is asked as well, and a refusal is an answer: contact is evident."""
+    size = 12 if options == {"bus": "can"} and family == "hand" else 2  # there a part of it would confirm a hit
+    with odd_registers(without=((without, size),)):
+        result = asked(family, "scan", **options)
+    assert (result.code, [(row["family"], row["id"]) for row in result.rows]) == (0, [(family, 1)]), result
+
+
+@each_row("wire", ["eb90", "flag 30", "can", "rtu", "tcp"])
+def test_an_id_is_taken_by_whoever_answers_anything(wire: str) -> None:
+    """A device that lacks the register of one question answers, or refuses, another: two would share the id else."""
+    family = "wrist" if wire == "flag 30" else "hand"
+    query = {"can": "bus=can", "rtu": "speaks=modbus", "tcp": "bus=modbus-tcp&model=tp"}.get(wire, "")
+    with closing(open_link(f"fake://{family}?clock=virtual&{query}")) as link:
+        bus: RegisterBus
+        if isinstance(link, FrameLink):
+            bus = CanBus(link, 1, Journal(), family=family)
+        elif wire in ("rtu", "tcp"):
+            bus = ModbusBus(link, 1, Journal(), tcp=wire == "tcp")
+        else:
+            bus = SerialBus(link, 1, Journal(), family=family)
+        refuses = wire in ("rtu", "tcp")  # and so may lack them all
+        with odd_registers(without=bus.first_questions if refuses else (bus.presence,)):
+            assert probe(bus, 1)
+            assert wire == "tcp" or not probe(bus, 2)
+
+
+def test_an_exo_without_a_register_is_no_silence() -> None:
+    """What may erase settings on another hand is refused, by what is missing."""
+    with odd_registers(without=((1546, 2),)):
+        kept = asked("exo", "save", "-y")
+    assert (kept.code, "in-part" in kept.codes()) == (6, True)
+    assert not [step for step in kept.json["writes"] if step["state"] != "not-sent"]
 
 
 @each_row(("family", "wire"), [("exo", "serial"), ("wrist", "serial"), ("wrist", "can"), ("hand", "can")])

@@ -79,11 +79,15 @@ def test_every_family_has_a_probe() -> None:
 # -- what is sent, and in which order -----------------------------------------------------------------------------
 
 EKSO = "96 00 00 01"
-WRIST, EXO = "EB 90 01 04 30 00 04 02 3B", "EB 90 01 04 11 C0 05 02 DD"
+INSPIRE = (
+    *("EB 90 01 04 30 00 04 02 3B", "EB 90 01 04 30 02 04 02 3D"),
+    *("EB 90 01 04 11 C0 05 02 DD", "EB 90 01 04 11 0A 06 02 28"),
+)
+"""The two questions to a wrist, and those to a hand: a firmware may lack a register."""
 RTU = "01 03 06 0A 00 02 E4 81"
 SILENT_SERIAL = [
-    (115200, ("96", WRIST, EXO)), (57600, (f"00 00 {WRIST}", f"00 00 {EXO}")),
-    (9600, ("21 00 0D",)), (19200, (f"00 {WRIST}", f"00 {EXO}")),
+    (115200, ("96", *INSPIRE)), (57600, tuple(f"00 00 {one}" for one in INSPIRE)),
+    (9600, ("21 00 0D",)), (19200, tuple(f"00 {one}" for one in INSPIRE)),
     *((speed, ("21 00 0D",)) for speed in (38400, 19200, 4800, 2400, 1200, 600)),
 ]  # fmt: skip
 
@@ -151,7 +155,7 @@ def test_what_a_barrett_hand_hears_of_the_other_probes() -> None:
     assert heard(b"\r", 9600, 19200) == bytes.fromhex("E680")  # the dossier's own sample, section 13
     frames = [
         (115200, "96 00 00 01 75 E7"),
-        *((speed, text) for speed in (115200, 57600, 19200) for text in (WRIST, EXO)),
+        *((speed, text) for speed in (115200, 57600, 19200) for text in INSPIRE),
         (115200, RTU),
     ]
     for speed, text in frames:
@@ -165,7 +169,7 @@ def test_what_a_barrett_hand_hears_of_the_other_probes() -> None:
 @pytest.mark.parametrize("speed", [115200, 57600])
 def test_no_id_is_a_trigger_before_a_boot_monitor_was_excluded(speed: int, receiver: str) -> None:
     """At these speeds the probes of the other families go out before anybody was asked at 9600."""
-    for text in (WRIST, EXO, *([RTU] if speed == 115200 else [])):
+    for text in (*INSPIRE, *([RTU] if speed == 115200 else [])):
         for device_id in range(1, 255):
             if text.startswith("EB"):
                 frame = bytes([0xEB, 0x90, device_id]) + bytes.fromhex(text)[3:-1]

@@ -296,7 +296,15 @@ def test_whose_device_it_is_stays_out() -> None:
     assert served("ekso", "fault=healthy").code == 0
     assert not [one for kind in FAMILIES for one in _map(kind).kept() if one.param.private], "none is in a snapshot"
     assert {row["value"] for row in data()["dump"] if row["name"] == "pilot_id"} == {"redacted"}
-    assert run("ekso", "status", "-p", "replay:r.html").code == 3, "what the device sent is left out"
+    found = run("service", "fake://barrett?clock=virtual", "--report", "found.html", *QUICK, "--json")
+    assert "serial number redacted" in [row["evidence"] for row in found.rows if row["step"] == "find"][-1], (
+        "it was found by a scan that shows its number"
+    )
+    assert "serial number 1042" not in Path("found.html").read_text(encoding="utf-8")
+    for kind in ("ekso", "barrett"):
+        assert served(kind, "fault=healthy", "--force").code in (0, 7)
+        played = run(kind, "status", "-p", "replay:r.html", "--json")
+        assert (played.code, played.error["code"]) == (3, "left-out"), "and that no reply came would be untrue"
 
 
 def test_an_interrupt_ends_in_a_report_that_is_continued() -> None:
@@ -337,6 +345,22 @@ def test_ctrl_c_at_a_question_leaves_a_report(question: str) -> None:
     Path("r.html").unlink(missing_ok=True)
     assert person(*words, answers=answers, press=once(lambda seen: question in seen)).code == 130
     assert data()["service"]["steps"]["doctor"]["state"] == "done"
+
+
+def test_what_the_firmware_lacks_is_in_the_report() -> None:
+    """It is no finding, but what a colleague would look for; a number alone would not name what it is of."""
+    served("aidin", "fault=missing-key")
+    assert [row["evidence"] for row in data()["service"]["rows"] if row["check"] == "not-on-this-firmware"] == [
+        "not on this firmware: current_state"
+    ]
+    seen: list[str] = []
+
+    def kept(text: str) -> str:
+        seen.append(text)
+        return ""
+
+    person("service", "fake://barrett?clock=virtual&fault=no-board&initialized=1", *QUICK, answers=[kept] * 8)
+    assert "fail: status.F2: " in seen[-1]
 
 
 # -- practice -------------------------------------------------------------------------------------------------------

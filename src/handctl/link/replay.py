@@ -40,6 +40,8 @@ Key = tuple[int | None, bytes]
 """A recorded line: CAN identifier (None for serial) and bytes."""
 BLANK = (b"\n", b"\r\n")
 """Lines that are passed over without a look: a file may have a million of them."""
+LEFT_OUT = " left out"
+"""The end of a comment of a report in place of bytes."""
 LOST: Key = (-1, b"")
 """Where `! disconnect` was recorded."""
 Reply = tuple[float, Key]
@@ -49,8 +51,12 @@ Reply = tuple[float, Key]
 class Recording:
     """The exchanges of a transcript: the position of each request, and the data after it, read on demand.
 
-    So a recording of hours needs little memory. Reads the file through once; raises UsageError for a damaged line.
+    So a recording of hours needs little memory. Reads the file through once; raises UsageError for a damaged line, and
+    LinkError for a report that does not have what the device sent.
     """
+
+    _left_out = False
+    """Whether a comment stands where the device sent something."""
 
     def __init__(self, file: BinaryIO, source: str) -> None:
         self._file = file
@@ -70,6 +76,12 @@ class Recording:
                 self._times.append(entry.time or 0.0)
             elif entry.mark == "<" and not len(self):
                 self.speaks = True
+        if self._left_out:
+            raise LinkError(
+                f"{source}: a report without what the device sent, because that holds its ids",
+                hint="make the report with --include-ids to play it",
+                code="left-out",
+            )
 
     def __len__(self) -> int:
         return len(self._places)
@@ -118,8 +130,11 @@ class Recording:
             if not data:
                 return
             start, place = place, place + len(data)
-            if line and not line.startswith("#"):
-                yield place, self._parsed(line, start)
+            if not line.startswith("#"):
+                if line:
+                    yield place, self._parsed(line, start)
+            elif line.endswith(LEFT_OUT):
+                self._left_out |= " < " in line
 
     def _parsed(self, line: str, start: int) -> Entry:
         try:

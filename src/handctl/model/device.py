@@ -54,6 +54,9 @@ OTHER_FORM = "other-form"
 RETRIES = 2
 """Repetitions of a read that got no valid answer, unless --retries says otherwise."""
 
+NOT_THERE = "not-on-this-firmware"
+"""Code of what a device lacks, where everything is read."""
+
 T = TypeVar("T")
 P = ParamSpec("P")
 
@@ -203,7 +206,7 @@ class Line:
             return exc
         made = exc.reworded(
             f"{self.where}: the device replies, but not as the manual describes: {', '.join(ways)} (received {hex_bytes(exc.came[:40])})",
-            hint="report the bytes shown: it may have another firmware. handctl reads no values from such replies",
+            hint="record the bytes with --trace FILE, and ask the vendor: it may have another firmware. handctl reads no values from such replies",
             code=OTHER_FORM,
         )
         assert isinstance(made, ProtocolError)
@@ -461,7 +464,7 @@ class Device(ABC):
         if not any(message.text == text for message in self.journal.messages):
             said, why = reply_text(self._line.where, absent[0]), absent[0].error
             refused = why is not None and why.exit_code == NotPresent.exit_code
-            self.journal.info("not-on-this-firmware", text, hint=f"it replied: {said}" if refused else said)
+            self.journal.info(NOT_THERE, text, hint=f"it replied: {said}" if refused else said)
         return [reading for reading in readings if reading not in absent]
 
     @contextmanager

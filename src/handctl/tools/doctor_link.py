@@ -160,6 +160,11 @@ class LinkChecks:
         """Whether the device has answered."""
         return len(self.series.trips) > 0
 
+    @property
+    def network_alone(self) -> bool:
+        """Whether the device has no serial line, on which bytes are damaged."""
+        return self.known and "serial" not in self.probe.WIRES
+
     def run(self) -> Iterator[Check]:
         """All rows, each as soon as it is known. Raises LinkError when the link is lost on the way."""
         for name, applies, look in CHECKS:
@@ -246,9 +251,13 @@ def _unasked(it: LinkChecks) -> Verdict:
     if not it.unasked:
         return "ok", f"no data arrived unasked within {LISTEN:g} s"
     text = f"{plural(len(it.unasked), 'byte')} arrived before anything was sent: {hex_bytes(it.unasked[:16])}"
-    if it.known and "serial" not in it.probe.WIRES:
+    if it.network_alone:
         return "ok", f"{text} (this device may send data unasked)"
-    return "warning", text, "check for another device, a second master or a wrong speed"
+    return (
+        "warning",
+        text,
+        "run it again if the device was just switched on. Otherwise check for another device, a second master or a wrong speed",
+    )
 
 
 def _answer(it: LinkChecks) -> Verdict:
@@ -453,6 +462,12 @@ def _errors(it: LinkChecks) -> Verdict:
             text,
             "close other programs on this port, check the plug, or give a longer --timeout: replies are lost",
         )
+    if it.network_alone:
+        return (
+            status,
+            text,
+            "record the bytes with --trace FILE, and ask the vendor: a network does not corrupt data, the device sent it",
+        )
     return status, text, "check cable, ground and hub: data is corrupted. Two devices with one id can also cause this"
 
 
@@ -465,7 +480,8 @@ def _round_trip(it: LinkChecks) -> Verdict:
         f"over {row['count']}. Histogram in ms: {classes}"
     )
     late = not it.series.failed and row["late"] > 0.05 * row["count"] and row["max_ms"] > 20
-    remedy = "try another USB port: other programs, a hub or a busy computer delay replies" if late else ""
+    way = "cable" if it.network_alone or it.link.name.startswith("tcp://") else "USB port"
+    remedy = f"try another {way}: other programs, a hub or a busy computer delay replies" if late else ""
     return "warning" if late else "ok", text, remedy, tuple(row.items())
 
 

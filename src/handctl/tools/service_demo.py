@@ -14,7 +14,7 @@ from handctl.families import FAMILIES
 from handctl.link.fake import meaning_of
 from handctl.model.check_rows import FAIL, OK, SKIPPED, Check
 from handctl.model.result import Row, Table
-from handctl.tools.service_steps import Service, ServiceOptions, findings
+from handctl.tools.service_steps import Service, ServiceOptions, findings, said_of
 from handctl.wording import sentence
 
 MOST = 1_000_000
@@ -57,7 +57,7 @@ class Demo(Service):
         prompts = self.run.prompts
         if self.finding is None and prompts.interactive:
             for row in findings(self.rows):  # whose LINK would say which fault it is
-                prompts.say(f"{row['step']}: {row['evidence'].replace(self.run.link_name(), 'the device')}")
+                prompts.say(f"{row['step']}: {said_of(row).replace(self.run.link_name(), 'the device')}")
             for number, name in enumerate(self.faults, 1):
                 prompts.say(f"  {number}  {name}: {meaning_of(self.family, name)}")
             answer = prompts.text("Which fault does this device have? Type its number or name.")

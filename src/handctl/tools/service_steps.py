@@ -35,6 +35,7 @@ from handctl.files import PAGE_DATA, in_page, read_text, text_lines
 from handctl.link.transcript import TraceWriter, observed
 from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
 from handctl.model.check_rows import view as checks_view
+from handctl.model.device import NOT_THERE
 from handctl.model.param import ParamMap
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.report import DATA, Recorded, RequestedOptions, Visit, refuse
@@ -51,6 +52,8 @@ LONGEST = 400_000
 MOST_BYTES = 4_000_000
 SHOWN = 4
 """Quantities that changed while they were watched, named in the row."""
+FEW = 2
+"""So many rows of a step are told, where nothing is wrong; of more, their number."""
 FIND = "find"
 OF_LINE = frozenset(row[0] for row in CHECKS)
 """Checks of `doctor` that come before all that a device says of itself: a bad line makes that doubtful."""
@@ -212,14 +215,16 @@ class Service:
         for message in run.journal.messages[said:]:
             if message.level != "info":
                 self._add(name, Check(message.code, WARNING, message.text, message.hint))
+            elif message.code == NOT_THERE:
+                self._add(name, Check(message.code, OK, message.text, message.hint))
         state = "failed" if errors else "done"
         self.steps[name] = {"state": state, "code": errors[0].code if errors else None}
         run.prompts.done()
         if run.prompts.interactive and self.wishes.written:
             made = self.rows[first:]
-            told = findings(made) or (made[-1:] if len(made) == 1 or name == FIND else [])
+            told = findings(made) or (made[-1:] if name == FIND else made if len(made) <= FEW else [])
             for row in told:
-                run.prompts.say(f"  {row['status']}: {row['evidence']}")
+                run.prompts.say(f"  {row['status']}: {said_of(row)}")
             if not told:
                 run.prompts.say(f"  {OK}: {plural(len(made), 'check')}")
 
@@ -281,6 +286,8 @@ class Service:
         over, problems = self.visit.over, self.visit.problems
         self.visit = Visit(run, params, self._of_page, self.lines)
         self.visit.over, self.visit.problems = over, problems
+        private = self.visit.privacy.text  # only now it is known what names this device
+        self.rows = [{**row, "evidence": private(row["evidence"])} for row in self.rows]
         self.reached = True
 
     def _found(self) -> Iterator[Check]:
@@ -367,7 +374,7 @@ class Service:
         if len(ranges) > SHOWN:
             ranges[SHOWN:] = [f"and {len(ranges) - SHOWN} more"]
         seen = f"{plural(count, 'sample')}, {errors[0]} retries, {errors[1]} bad frames, {errors[2]} stray bytes"
-        changed = f"changed: {', '.join(ranges)}" if ranges else "no value changed"
+        changed = f"Changed: {', '.join(ranges)}" if ranges else "No value changed"
         assert self.run.family is not None
         remedy = Hint("run {}", f"{self.run.family.kind} doctor") if any(errors) else ""
         yield Check("watch", WARNING if any(errors) else OK, f"{seen}. {sentence(changed)}", remedy)
@@ -506,6 +513,11 @@ def _with_command(text: str, command: str) -> str:
     return reworded(Hint("{}", command), text) if command else text
 
 
+def said_of(row: Row) -> str:
+    """What a row says by itself: a check's evidence does not name what was checked."""
+    return f"{row['check']}: {row['evidence']}" if row["step"] in ("doctor", "diagnose") else str(row["evidence"])
+
+
 def findings(rows: list[Row]) -> list[Row]:
     """Those about which somebody must do something."""
     return [row for row in rows if row["status"] in (FAIL, WARNING)]
@@ -558,7 +570,8 @@ def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
             if step["state"] == "failed"
             else OK
         )
-        found = mine[-1]["evidence"] if len(mine) == 1 or name == FIND else plural(len(mine), "check")
+        evidence = [row["evidence"] for row in (mine[-1:] if name == FIND else mine)]
+        found = joined(*evidence) if len(evidence) <= FEW else plural(len(mine), "check")
         found = plural(len(bad), "finding") if bad else found if mine else ""
         said = step["code"] if step["state"] == "failed" else "done earlier" if "from" in step else step["state"]
         lines.append((name, Cell(said, TONES[status]), found))

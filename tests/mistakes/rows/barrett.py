@@ -667,6 +667,15 @@ ROWS = (
         "tests/barrett/test_step.py::test_a_stop_that_failed_is_raised_at_its_end",
     ),
     mistake(
+        "download-any-moment-that-passes-is-a-deadline",
+        "false message",
+        "handctl.devices.barrett.firmware.download",
+        "Loader._await_monitor",
+        "cut = bound is not None and bound.remaining < allowed",
+        "cut = self.hand.line.deadline(allowed).remaining < allowed",
+        "tests/barrett/test_contact.py::test_a_download_does_not_wait_long_for_a_hand_that_is_on",
+    ),
+    mistake(
         "realtime-a-recording-leaves-the-loop-late",
         "no stop",
         "handctl.record.recording_loop",

@@ -635,11 +635,11 @@ class Conversation(Line):
         if len(keys) > 1 and not more and not self._cut:
             return ProtocolError(
                 f"{name}: the hand sends feedback, but not as the manual describes{f' ({why})' if why else ''}: {shown} …",
-                hint="report the bytes shown: it may have another firmware. handctl reads no values from such feedback",
+                hint="record the bytes with --trace FILE, and ask the vendor: it may have another firmware. handctl reads no values from such feedback",
                 code=OTHER_FORM,
                 came=seen,
             )
-        hint = f"check the address and the port: this is another server or another kind of hand. The AIDIN-hand sends JSON on TCP port {FAMILIES['aidin'].tcp_port}"
+        hint = f"check the address and the port: this may be another server or another kind of hand. The AIDIN-hand sends JSON on TCP port {FAMILIES['aidin'].tcp_port}"
         if whole:
             hint = f"this JSON object has no key from the manual: it may be a report from the hand itself. Otherwise {hint}"
         text = f"{name}: no {more}feedback from the hand, but {hex_bytes(seen)} ({shown}){f': {why}' if why else ''}"

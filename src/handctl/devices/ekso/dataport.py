@@ -100,11 +100,11 @@ HINTS = {
     "echo": "check the cable for a loop, or whether this is another kind of device. If the device replies to other requests, it acknowledged this one without data: report this",
     "acknowledged": "read the value back: an acknowledgement without a status does not mean success",
     "bad-checksum": "check the cable and the hub, and that no other program reads the port: bytes were corrupted on the line",
-    "bad-length": "report the bytes shown: this may be another protocol version, or they may be corrupted",
+    "bad-length": "record the bytes with --trace FILE, and ask Ekso's service: this may be another protocol version, or they may be corrupted",
     "wrong-id": "check whether a second program uses this port: this is the reply to another request",
     "late": "use a longer --timeout: replies take longer than allowed",
     "unsolicited": "try again. The device sent something without a request and did not reply",
-    "wrong-command": "report the bytes shown: this may be another protocol version, or a second program may use this port",
+    "wrong-command": "check whether a second program uses this port. If none does, record the bytes with --trace FILE, and ask Ekso's service: this may be another protocol version",
     "cut-short": "check the cable, and that no other program reads the port: the reply was cut off",
     "garbage": "check the baud rate (usually 115200 bit/s), and whether this is another kind of device: the data contains no valid frame",
 }
@@ -454,7 +454,7 @@ class DataPort(Line):
             return self.unanswered(request, self.timeout, self.sent_at, HINTS["silence"])
         code, text = attempt.bad_reply()
         self._differs = differences(attempt.request, came)
-        if len(self._differs) == 1 and self._differs[0].endswith(BODY_BYTES):
+        if len(self._differs) == 1 and BODY_BYTES in self._differs[0]:
             code, text = (
                 "bad-length",
                 f"the reply to {name_of(attempt.request[0])} has {self._differs[0]}, with a good CRC",

@@ -209,7 +209,8 @@ def differences(request: bytes, received: bytes) -> list[str]:
         }
         found.append(checks.get(data[-2:], ""))
     if size not in sizes:
-        found.append(f"{size - sizes[-1]:+d} {BODY_BYTES}")
+        more = size - sizes[-1]
+        found.append(f"{abs(more)} {BODY_BYTES} too {'many' if more > 0 else 'few'}")
     if data[1] - size not in LENGTH_MODES.values():
         odd = "the length in words" if data[1] == size // 2 else f"a length byte that is {data[1] - size:+d}"
         found.append(odd if data[1] else "length byte 0")

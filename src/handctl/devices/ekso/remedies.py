@@ -8,7 +8,7 @@ from handctl.model.device_picture import Bar, Measure, Outline, Remedy
 _SERVICE = "run `handctl ekso report FILE`, and have the sensor checked by Ekso's service"
 
 REMEDIES = {
-    "boot-still": Remedy("the device sends old values", Hint("power-cycle the device, then run {}", "ekso doctor"), "ekso §6, GetData"),
+    "boot-still": Remedy("the device sends old values", Hint("help the wearer out of the device, power-cycle it, then run {}", "ekso doctor"), "ekso §6, GetData"),
     "boot-back": Remedy("the device has restarted, or its words are swapped", Hint("run the command again. If it stays, run {}", "ekso doctor"), "ekso §6, GetData"),
     "boot-off": Remedy("the device's clock and this computer's do not agree", Hint("run the command again. If it stays, run {}", "ekso doctor"), "ekso §6, GetData"),
     "angle": Remedy("an angle that no wearer can have", _SERVICE, "ekso §6, GetData"),

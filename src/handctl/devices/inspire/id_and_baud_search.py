@@ -98,13 +98,15 @@ class Requester:
         """How long an answer is waited for: by the round trips that were measured."""
         return max(0.02, 1.5 * self.line.worst + 0.03) if len(self.line.trips) else otherwise
 
-    def _first(self, device_id: int, answered: dict[int, int]) -> bool:
-        """The first question to an id, and what comes meanwhile. False when bytes came that belong to no valid reply."""
+    def _first(self, device_id: int, answered: dict[int, int], *, other: bool = False) -> bool:
+        """The first question to an id, or the `other` one, and what comes meanwhile. False when bytes came that belong to no valid reply."""
         flag, link = self._bus.read_flag, self._bus.link
-        request = eb90.read_request(device_id, *question(device_id, flag), flag)
-        probe = ahead(link.baud if link.can_set_baud else None) + request
-        if link.replayed and not link.is_next_recorded(probe):
-            probe = request  # an older recording
+        requests = [eb90.read_request(device_id, *question(device_id, flag, other=one), flag) for one in (other, False)]
+        before = ahead(link.baud if link.can_set_baud else None)
+        probe = before + requests[0]
+        if link.replayed:  # an older recording has other probes
+            older = (probe, requests[0], before + requests[1], requests[1])
+            probe = next(filter(link.is_next_recorded, older), older[-1])
         wire = self._send(probe, 1)
         return self._collect(answered, wire + self._wait, probe, alone=device_id)
 
@@ -427,15 +429,16 @@ class Scanner(Requester):
             self._asked = [*(each for each in self._asked if each != speed), speed]
         self._doubted.clear()
         answered: dict[int, int] = {}
-        # The first probe goes twice: a frame cut by wrong-speed garbage may swallow one.
+        # The first id is probed twice: a frame cut by wrong-speed garbage may swallow one, and a firmware may lack a register.
         for number, device_id in enumerate([ids[0], *ids]):
             if self._spent:
                 self.left.append((speed, device_id))
                 return
             self._tell(this, device_id, number / (len(ids) + 1))
-            whole = self._first(device_id, answered)
+            other = number == 1 or (number > 1 and self.found.single is not None)
+            whole = self._first(device_id, answered, other=other)
             if not whole and self.found.single and device_id not in answered:
-                self._first(device_id, answered)  # somebody spoke at the same time
+                self._first(device_id, answered, other=other)  # somebody spoke at the same time
             self._confirm(speed, answered, [device_id])
             if (self.found.hits and not self._want.find_all) or (number < len(ids) and self._cut()):
                 return
@@ -600,12 +603,12 @@ class CanSearch:
     """Probes of ids back to back, of a span of two bytes or more; a late reply names its id and counts in any later window.
 
     Another register confirms: its answer is no late one to the first. Who does not have the next one is asked for those that
-    every device of the family has.
+    every device of the family has; so are all, where the first is answered by nobody.
     """
 
     def __init__(self, bus: CanBus, span: Span, what: str) -> None:
         self._bus = bus
-        others = [one for one in bus.first_questions if one[0] != span[0]]
+        others = [one for one in (*bus.first_questions, *FRESH_SHORT[bus.space][:2]) if one[0] != span[0]]
         self._spans = (span, (span[0] + 2, span[1]), *others)
         self._what = what
         self._wanted: dict[int, tuple[int, Span]] = {}
@@ -620,25 +623,31 @@ class CanSearch:
 
     def run(self, ids: Sequence[int], find_all: bool, wait: float | None = None) -> list[int]:
         """The ids that answer twice; only the first unless `find_all`."""
+        for span in (self._spans[0], self._spans[2]):
+            found = self._pass(ids, find_all, wait, span)
+            trouble = self._bus.link.trouble(self._before[0])
+            if found or self._lone or self._bus.over or (trouble is not None and trouble.code):
+                break
+        return found
+
+    def _pass(self, ids: Sequence[int], find_all: bool, wait: float | None, span: Span) -> list[int]:
+        """All ids once, asked for one span."""
         found: list[int] = []
         for device_id in ids:  # who is not asked yet may answer under another name
-            self._wanted[can_frames.read_request(device_id, *self._spans[0], self._bus.read_flag)[0]] = (
-                device_id,
-                self._spans[0],
-            )
+            self._wanted[can_frames.read_request(device_id, *span, self._bus.read_flag)[0]] = device_id, span
         chunks = [ids[:1], *(ids[start : start + CHUNK] for start in range(1, len(ids), CHUNK))]
         for number, chunk in enumerate(chunks):
             last = number + 1 == len(chunks)
             usual = max(wait or (WAIT if number else FIRST), DRAIN + 2 * self._worst if last else 0.0)
-            answered = self._ask(chunk, usual, self._spans[0])
+            answered = self._ask(chunk, usual, span)
             if last and not found and not answered:
                 answered = self._collect({}, LATE, ())
             for device_id in sorted(answered):
-                span = None if device_id in found else self._confirmed(device_id)
-                if span is not None:
+                confirmed = None if device_id in found else self._confirmed(device_id, span)
+                if confirmed is not None:
                     found.append(device_id)
                     for _ in range(0 if find_all else TIMED):
-                        self._timed(device_id, span)
+                        self._timed(device_id, confirmed)
                 if found and not find_all:
                     return found
             self.cut = self._bus.over and not last
@@ -646,11 +655,11 @@ class CanSearch:
                 break
         return found
 
-    def _confirmed(self, device_id: int) -> Span | None:
-        """What this id answers when it is asked alone; None = nothing, and it is told."""
+    def _confirmed(self, device_id: int, asked: Span) -> Span | None:
+        """What this id answers beside what it was `asked`, when it is asked alone; None = nothing, and it is told."""
         for span in self._spans[1:]:
             self._bus.drain()
-            if self._timed(device_id, span):
+            if span != asked and self._timed(device_id, span):
                 return span
         self._lone.append(device_id)
         self._bus.journal.warn(
@@ -745,8 +754,9 @@ class CanSearch:
 
 PLACE, WORDS = 1546, 2
 """Angles of two fingers (rh56 §3.1), or what an RH56F1 has there: whatever is read shows who answers."""
-QUESTION, ANSWER = 8, 5 + 2 * WORDS
+QUESTION, ANSWER, REFUSAL = 8, 5 + 2 * WORDS, 5
 HEAD = bytes([modbus_frames.READ, 2 * WORDS])
+REFUSED = bytes([modbus_frames.READ | modbus_frames.FAILED])
 KEPT = 64
 
 
@@ -813,11 +823,26 @@ class RtuSearch:
             frame = self._came[place - 1 : place - 1 + ANSWER] if place else b""
             if len(frame) == ANSWER and frame[0] in self._asked:
                 if modbus_frames.crc(frame[:-2]) == frame[-2:]:
-                    self.trips[frame[0]] = self._link.now() - self._asked[frame[0]]
-                    self._journal.counters.received += 1
+                    self._heard(frame[0])
                 else:
                     self.damaged[frame[0]] = self.damaged.get(frame[0], 0) + 1
                     self._journal.counters.bad_frames += 1
                 self._came = self._came[place - 1 + ANSWER :]
                 place = -1
             place = self._came.find(HEAD, place + 1)
+        self._take_refusals()
+
+    def _take_refusals(self) -> None:
+        """Who lacks that place and says so is there as well; not who is silent to a gateway."""
+        place = self._came.find(REFUSED, 1)
+        while place > 0:
+            frame = self._came[place - 1 : place - 1 + REFUSAL]
+            known = len(frame) == REFUSAL and frame[0] in self._asked and frame[0] not in self.trips
+            theirs = known and frame[2] not in (modbus_frames.NO_PATH, modbus_frames.NO_TARGET)
+            if theirs and modbus_frames.crc(frame[:-2]) == frame[-2:]:
+                self._heard(frame[0])
+            place = self._came.find(REFUSED, place + 1)
+
+    def _heard(self, device_id: int) -> None:
+        self.trips[device_id] = self._link.now() - self._asked[device_id]
+        self._journal.counters.received += 1

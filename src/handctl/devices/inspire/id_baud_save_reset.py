@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.duplicate_id import identify_alone, naming_duplicate_id
-from handctl.devices.inspire.register_bus import FLOOD, RegisterBus
+from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span
 from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
@@ -34,28 +34,45 @@ POWER_CYCLE_SECONDS = 120.0
 
 
 def probe(bus: RegisterBus, device_id: int, *, seconds: float | None = None) -> bool:
-    """Whether a hand answers to `device_id` (read-only, asked twice). `seconds` per answer, default the bus timeout.
+    """Whether a hand answers to `device_id`. Read-only. `seconds` per answer, default the bus timeout.
 
-    Only our own bytes coming back is silence too: on a line with echo that is how a free id looks. So are the frames of others, which are
-    told. Raises
-    ProtocolError when something else comes.
+    The first question is asked twice, then the other one: a firmware may lack a register. A refusal is an answer, and so is one with fewer
+    bytes. Only our own bytes coming back is silence: on a line with echo that is how a free id looks. So are the frames of others, which are
+    told. Raises ProtocolError when something else comes.
     """
     there = bus.at(device_id=device_id)
     there.timeout = seconds if seconds is not None else bus.timeout
+    return any(
+        _replies(bus, there, span, retries=int(span == there.presence))
+        for span in dict.fromkeys((there.presence, *there.first_questions))
+        if span == there.presence or there.quiet(*span)
+    )
+
+
+def _replies(bus: RegisterBus, there: RegisterBus, span: Span, retries: int) -> bool:
+    """Whether one question to the id of `there` is answered. Raises as `probe` does."""
     try:
-        there.read(*bus.presence, retries=1)
+        there.read(*span, retries=retries)
     except NoAnswer:
         return False
+    except DeviceRefused:
+        return True
     except ProtocolError as exc:
+        if exc.code == there.fewer:
+            return True
         if exc.code == "stale" and bus.journal.line.others:
             bus.journal.warn(
                 "others",
-                f"another program or device is using this line, and id {device_id} did not reply",
+                f"another program or device is using this line, and id {there.id} did not reply",
                 hint="stop the other program or master to be sure that the id is free",
             )
         elif exc.code != "echo":
             raise
         return False
+    except LinkError as exc:
+        if exc.code != "replay-miss" or span == there.presence:
+            raise
+        return False  # an older recording
     finally:
         bus.round_trip = there.round_trip
     return True

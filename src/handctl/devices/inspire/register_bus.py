@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Frame
-from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Link
 from handctl.model.device import Line, harmless_to_others
 from handctl.model.param import Step
@@ -59,12 +59,11 @@ For one that answers none of `FRESH`: it lacks that register, or answers shorter
 
 
 @cache
-def question(device_id: int, flag: int) -> Span:
-    """What to ask an id first."""
+def question(device_id: int, flag: int, *, other: bool = False) -> Span:
+    """What to ask an id first; `other`: what to ask besides, since a firmware may lack a register."""
     spans = READS[flag]
-    return next(
-        (span for span in spans if harmless_to_others(eb90.read_request(device_id, *span, flag), None)), spans[0]
-    )
+    quiet = [span for span in spans if harmless_to_others(eb90.read_request(device_id, *span, flag), None)]
+    return (quiet or spans[:1])[-1 if other else 0]
 
 
 AHEAD = {19200: 1, 57600: 2, 921600: 32}
@@ -146,7 +145,7 @@ class RegisterBus(Line, ABC):
     usual     the family, where none is named
     wire      what is spoken on it: eb90, can, rtu or tcp
     gate      looks who is there before the first frame that is no read, and at what was read; None = nobody looks
-    presence  the span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it
+    asked_first  what is asked first where a map was found or typed, None = the usual question of the register space
     across_gaps  the device may answer reads that touch undocumented bytes
     reports   the device sends the end of a save or a calibration by itself
     fewer     code of an answer that has fewer bytes than were asked for
@@ -159,7 +158,7 @@ class RegisterBus(Line, ABC):
     usual: ClassVar[str]
     gate: FamilyGate | None = None
     round_trip: float | None = None
-    presence: tuple[int, int] = (1472, 2)
+    asked_first: Span | None = None
     reports = False
     across_gaps = True
     fewer = FEWER
@@ -185,9 +184,21 @@ class RegisterBus(Line, ABC):
 
     @property
     def first_questions(self) -> tuple[Span, ...]:
-        """What nobody else acts on, and every device with this register space answers."""
+        """What nobody else acts on, and every device with this register space answers; a firmware may lack one."""
+        if self.per != 1 and self.asked_first is not None:
+            return (self.asked_first,)
+        return READS[self.space]
+
+    @property
+    def space(self) -> int:
+        """Its register space, by the read flag that this has on a serial line."""
         wrist, _ = self.spaces.get("wrist", (None, None))
-        return READS[eb90.WRIST_READ if self.read_flag == wrist else eb90.READ] if self.per == 1 else (self.presence,)
+        return eb90.WRIST_READ if self.read_flag == wrist else eb90.READ
+
+    @property
+    def presence(self) -> Span:
+        """The span that tells whether anybody is there; its answer is longer than its question, so an echo never passes for it."""
+        return self.asked_first or self.first_questions[0]
 
     @property
     def serial(self) -> bool:
@@ -226,6 +237,8 @@ class RegisterBus(Line, ABC):
             there.read(*self.presence, retries=0)
         except NoAnswer:
             return None
+        except DeviceRefused:
+            pass  # an answer as well
         self.round_trip = there.round_trip
         return self.round_trip
 

@@ -222,9 +222,7 @@ class Sweep:
         self.collided += found.twins
         for speed, device_id, value in found.hits:
             kind, shown = found.kinds.get((speed, device_id), (target.own, ""))
-            read = f"{target.value} reads {value}, asked twice"
-            if value is None:
-                read = f"replies to other reads, asked twice, but not to that of {target.value}"
+            read = _evidence(target.value, value)
             who: WHO | None = None
             if kind is not None:
                 who = kind, None, f"{kind.words}: {shown}" if kind is not target.own else ""
@@ -337,8 +335,9 @@ class Sweep:
                 here = bus.at(device_id=number)
                 here.timeout = max(here.timeout, 1.5 * self.journal.line.worst + 0.1)
                 who = self._looked(here) if target.look is not None else None
-                read = int.from_bytes(search.values[number], "little", signed=True)
-                self._row(who or (target.own, None, f"{probed} reads {read}, asked twice"), None, number, "can", "")
+                data = search.values.get(number)
+                read = _evidence(probed, None if data is None else int.from_bytes(data, "little", signed=True))
+                self._row(who or (target.own, None, read), None, number, "can", "")
             summary = f"{search.probes} read-only probes of {probed}, {span_text(self.ids)}, {self._seconds:.2f} s"
             summary += ", ended by --deadline before all were asked" if search.cut else ""
             self.journal.info("scanned", summary)
@@ -462,6 +461,13 @@ def span_text(ids: Sequence[int]) -> str:
 
 def left_text(speed: int | None, first: int, last: int, family: str) -> str:
     return f"ids {first} to {last} of {family}{at_text(speed)}: --all asks there"
+
+
+def _evidence(probed: str, value: int | None) -> str:
+    """What shows that a device is there: the value of the register that was probed, None = it does not reply to that."""
+    if value is None:
+        return f"replies to other reads, asked twice, but not to that of {probed}"
+    return f"{probed} reads {value}, asked twice"
 
 
 def at_text(speed: int | None) -> str:

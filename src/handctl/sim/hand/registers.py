@@ -73,7 +73,7 @@ FAULTS = {
     "faults": "error bytes 01 02 04 06 18 00",
     "hot": "all fingers start above the limit and cool down",
     "blocked": "no finger can move",
-    **fault_help(("the first finger", "the second", "the third", "the fourth", "the fifth")),
+    **fault_help([f"the {which} finger" for which in ("first", "second", "third", "fourth", "fifth")]),
     "force-deaf": "a finger at its force limit takes no command until the limit is another",
     "stops-short": "the second finger closes to 46 thousandths before its end, without an error",
     "tactile-dead": "zones without a sign of life: middle tip, thumb, palm",

@@ -163,6 +163,8 @@ class Loader:
         """Wait for `:` with nothing after it. Text means that the old firmware has started, so it is too late."""
         link = self.link
         allowed = STILL_ON_SECONDS if self._still_on else READY_SECONDS
+        bound = self.hand.line.bound
+        cut = bound is not None and bound.remaining < allowed
         deadline = self.hand.line.deadline(allowed)
         seconds, missed = deadline.remaining, False
         heard, tail, at = b"", b"", link.now()  # `tail`: what came just before, without a pause
@@ -189,21 +191,20 @@ class Loader:
                 heard, missed = b"", True
         self._guide.done()
         came = f", received {heard[:48].hex(' ').upper()}" if heard else ""
-        bound = " (--deadline)" if seconds < allowed else ""
-        if self._still_on and not missed and not bound:
+        if self._still_on and not missed and not cut:
             raise DeviceRefused(
                 f"{link.name}: the hand is on, and was not switched off within {seconds:.0f} s",
                 hint="switch its power off for 5 seconds, run this again, and switch it on while handctl waits. Nothing was loaded",
                 code="still-on",
             )
         error = NoAnswer(
-            f"{link.name}: no boot monitor (:) within {seconds:.0f} s{bound}{came}",
+            f"{link.name}: no boot monitor (:) within {seconds:.0f} s{' (--deadline)' if cut else ''}{came}",
             hint=f"{MISSED} Nothing was loaded."
             if missed
             else "check the cable and the port, then switch the power supply off for 5 seconds and on again. Nothing was loaded.",
             code="no-monitor",
         )
-        error.bounded = bool(bound)
+        error.bounded = cut
         raise error
 
     # -- sending -------------------------------------------------------------------------------------------------

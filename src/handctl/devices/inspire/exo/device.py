@@ -18,7 +18,7 @@ from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice
 from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, OVER_TEMPERATURE, pushes
 from handctl.devices.inspire.serial_bus import SerialBus
-from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import Release, SetpointPair, limits_of
@@ -84,6 +84,12 @@ def _remarks(name: str, rows: dict[str | None, Row]) -> list[str]:
         remarks.append(f"{name}{who}: {label}")
     failed = next((row["error"] for row in rows.values() if "error" in row), None)
     return [*remarks, f"{name}: {failed}"] if failed else remarks
+
+
+NOT_PROVED = (
+    "check the label on the device: on another hand this address may erase settings. "
+    "Add --skip-identity-check to skip this check. Nothing was written."
+)
 
 
 class ExoHand(RegisterDevice):
@@ -219,21 +225,26 @@ class ExoHand(RegisterDevice):
         )
 
     def check_identity(self) -> None:
-        """Refuse to go on when the registers do not look like an EH55BF1's. Raises CheckFailed.
+        """Refuse to go on when the registers do not look like an EH55BF1's. Raises CheckFailed, DeviceRefused where some are missing.
 
         On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
         """
         identify_alone(self)
         readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
         for reading in readings:
-            if reading.error is not None:
+            if reading.error is not None and not self.lacks(reading.error):
                 raise reading.error
+        if absent := dict.fromkeys(one.element.param.name for one in readings if one.error is not None):
+            raise DeviceRefused(
+                f"{self.bus.where}: this device replies, but does not have {', '.join(absent)} of an EH55BF1",
+                hint=NOT_PROVED,
+                code="in-part",
+            )
         odd = [f"{reading.element.full_name} = {reading.value}" for reading in readings if not _plausible(reading)]
         if odd:
             raise CheckFailed(
                 f"{self.bus.where}: this does not look like an EH55BF1: {', '.join(odd)}",
-                hint="check the label on the device: on another hand this address may erase settings. "
-                "Add --skip-identity-check to skip this check. Nothing was written.",
+                hint=NOT_PROVED,
                 code="not-an-exo",
             )
 

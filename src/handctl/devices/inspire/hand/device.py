@@ -177,7 +177,7 @@ class Hand(RegisterDevice):
         for bus in (self.bus, self._other):
             if bus is not None:
                 bus.per = 2 if model in (F1, DG2) else 1
-                bus.presence = (self.map["angle_actual"].address, 2)
+                bus.asked_first = (self.map["angle_actual"].address, 2)
 
     def answered(self, ask: Callable[[], T]) -> T:
         """The result of `ask`; without a reply on the first wire, asked again on the other."""
@@ -391,6 +391,8 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         elif param.name == "status" and value in NO_MOVE_STATUS and not at.get(f"error.{part}"):
             found.append(Finding(f"{part}: status {value}, {param.label(value)}", (str(param.label(value)),)))
         elif param.name == "temperature" and value != 255 and value >= TOO_HOT_TO_MOVE:
+            if int(at.get(f"error.{part}") or 0) & OVER_TEMPERATURE:
+                continue  # said there
             found.append(Finding(f"{part}: {value} °C", ("hot",)))
         elif not param.bits and not param.allowed(value):
             text = f"{reading.element.full_name} = {value} is outside {param.range_text} ({param.source})"

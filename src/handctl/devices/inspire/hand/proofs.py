@@ -34,7 +34,7 @@ def _protocol(hand: Hand) -> Observation:
     wires = hand.wires
     if hand.bus.wire == "rtu":  # EB90 was silent to the first question, or was never asked
         line = SerialBus(hand.bus.link, hand.bus.id, hand.journal, family=hand.kind, timeout=hand.bus.timeout)
-        line.gate, line.per, line.presence = hand.gate, hand.bus.per, hand.bus.presence
+        line.gate, line.per, line.asked_first = hand.gate, hand.bus.per, hand.bus.asked_first
         wires = [hand.bus, line]
     found = []
     for bus in wires:
