@@ -417,7 +417,7 @@ class Line(Cable):
 
     def _pass(self, now: float) -> None:
         if self._now is None or now > self._now:
-            self._now = now
+            self._now, self._settled = now, False
         elif self._settled:
             return
         if self._rx:
