@@ -170,6 +170,8 @@ def clash(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
     try:
         first, second = os.stat(one), os.stat(other)
     except OSError:
+        if os.path.basename(one) != os.path.basename(other) and not (os.path.islink(one) or os.path.islink(other)):
+            return False  # as nearly always; what follows looks at every folder of both
         return os.path.normcase(os.path.realpath(one)) == os.path.normcase(os.path.realpath(other))
     return stat.S_ISREG(first.st_mode) and os.path.samestat(first, second)
 

@@ -226,23 +226,30 @@ def forget(descriptor: int) -> None:
     _state.additional.discard(descriptor)
 
 
-@contextlib.contextmanager
-def handing_over(descriptor: int = -1) -> Iterator[None]:
+class handing_over:  # noqa: N801 - a context manager, named as one
     """Delay an interrupt until the chunk is written, unless the reader of the descriptor sleeps.
 
-    So a piece is out and noted, or neither. Other threads than that of the command hear of no wish.
+    So a piece is out and noted, or neither. Other threads than that of the command hear of no wish. Every frame passes here, so
+    it is no generator.
     """
-    if _state.handing is not None or get_ident() != _state.thread:
-        yield
-        return
-    _state.handing = descriptor
-    try:
-        yield
-    finally:
+
+    __slots__ = ("_descriptor", "_ours")
+
+    def __init__(self, descriptor: int = -1) -> None:
+        self._descriptor = descriptor
+        self._ours = _state.handing is None and get_ident() == _state.thread
+
+    def __enter__(self) -> None:
+        if self._ours:
+            _state.handing = self._descriptor
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if not self._ours:
+            return
         _state.handing = None
-    if _state.kept:
-        _state.kept = False
-        raise KeyboardInterrupt
+        if kind is None and _state.kept:
+            _state.kept = False
+            raise KeyboardInterrupt
 
 
 def _writable() -> set[int]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -72,13 +73,20 @@ WRITERS: dict[str, tuple[str, ...]] = {
 CONFIG = "# mine\n[devices.left]\nkind = 'exo'\nport = '/dev/ttyUSB0'\n"
 
 
+@pytest.fixture(scope="module")
+def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What the commands read, made once; each test has a copy of its own."""
+    made = tmp_path_factory.mktemp("inputs")
+    log, walk, walking = made / "log.csv", made / "walk.csv", "fake://ekso?clock=virtual&posture=walking"
+    assert run("exo", "log", log, "--count", "20", "--rate", "20", *EXO, "--trace", made / "trace.txt").code == 0
+    assert run("ekso", "log", walk, "--duration", "10", "-p", walking).code == 0
+    (made / "lines").write_text("exo dump\nexo status\nexo status\n", encoding="ascii")
+    return made
+
+
 @pytest.fixture
-def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.chdir(tmp_path)
-    assert run("exo", "log", "log.csv", "--count", "20", "--rate", "20", *EXO, "--trace", "trace.txt").code == 0
-    walking = "fake://ekso?clock=virtual&posture=walking"
-    assert run("ekso", "log", "walk.csv", "--duration", "10", "-p", walking).code == 0
-    (tmp_path / "lines").write_text("exo dump\nexo status\nexo status\n", encoding="ascii")
+def folder(inputs: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(shutil.copytree(inputs, tmp_path, dirs_exist_ok=True))
     return tmp_path
 
 

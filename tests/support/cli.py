@@ -239,7 +239,9 @@ def restored_environment() -> Iterator[None]:
     finally:
         for name in raw.keys() - before.keys():
             del os.environb[name]
-        os.environb.update(dict(before.items() - raw.items()))
+        for name, value in before.items():
+            if raw.get(name) != value:
+                os.environb[name] = value
 
 
 UNCLEAN = frozenset(map(os.fsencode, DROPPED))

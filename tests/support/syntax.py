@@ -20,13 +20,19 @@ def nodes_of(path: Path) -> tuple[ast.AST, ...]:
 
 
 def walk(node: ast.AST) -> list[ast.AST]:
-    """As `ast.walk`, which goes through two generators for each node: here there are millions."""
+    """As `ast.walk`, which goes through two generators for each node: here there are millions. Of a name not its context."""
     found = [node]
     for one in found:  # it grows meanwhile
-        for name in one._fields:
+        for name in _parts(type(one)):
             value = getattr(one, name, None)
             if isinstance(value, ast.AST):
                 found.append(value)
             elif isinstance(value, list):
                 found += [item for item in value if isinstance(item, ast.AST)]
     return found
+
+
+@cache
+def _parts(kind: type[ast.AST]) -> tuple[str, ...]:
+    """The fields that may hold a node."""
+    return () if kind is ast.Constant else tuple(name for name in kind._fields if name not in ("ctx", "id", "attr"))

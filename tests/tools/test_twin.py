@@ -6,6 +6,8 @@ The recorded device is a simulator of another configuration: facts that differ, 
 from __future__ import annotations
 
 import json
+import tempfile
+from functools import cache
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -62,11 +64,20 @@ def link_of(family: str) -> str:
     return f"fake://{family}?clock=virtual&{said}&values={quote(values)}"
 
 
+@cache
+def proved(family: str) -> bytes:
+    """The facts of the recorded device, which are the same each time."""
+    with tempfile.TemporaryDirectory() as folder:
+        facts = Path(folder) / "facts.json"
+        assert run("prove", family, "-p", link_of(family), "-o", facts).code == 0
+        return facts.read_bytes()
+
+
 def recorded(family: str, folder: Path, link: str, name: str, verbs: tuple[str, ...]) -> Path:
     """The transcript of these commands on one link; the facts are proved before."""
     facts, path, script = folder / "facts.json", folder / f"{name}.txt", folder / "script"
     if not facts.exists():
-        assert run("prove", family, "-p", link_of(family), "-o", facts).code == 0
+        facts.write_bytes(proved(family))
     script.write_text("".join(f"{family} {verb}\n" for verb in verbs))
     result = run("batch", script, "-p", link, "-y", "--facts", facts, "--trace", path)
     assert result.code == 0, result.err

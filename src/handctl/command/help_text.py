@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Sequence
-from copy import copy
 from typing import Any
 
 import click
@@ -151,8 +150,9 @@ class Described(click.Command):
             if isinstance(long, dict) and isinstance(short, dict):
                 long.update(short)
             self._parser = params, made
-        parser = copy(self._parser[1])
-        parser.ctx = ctx
+        made = self._parser[1]
+        parser: Any = object.__new__(type(made))  # as `copy.copy`, which takes ten times as long
+        vars(parser).update(vars(made), ctx=ctx)
         return parser
 
     def get_help_option(self, ctx: click.Context) -> click.Option:

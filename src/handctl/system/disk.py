@@ -99,9 +99,9 @@ def is_device(path: str) -> bool:
     if sys.platform == "win32":
         name = path.upper().removeprefix("\\\\.\\").rstrip(":")
         return name.startswith("COM") and name[3:].isdigit()
-    if path.startswith(STREAMS) or os.path.realpath(path).startswith(STREAMS):
-        return False
     try:
-        return stat.S_ISCHR(os.stat(path).st_mode)
+        if not stat.S_ISCHR(os.stat(path).st_mode):
+            return False
     except (OSError, ValueError):
         return False
+    return not (path.startswith(STREAMS) or os.path.realpath(path).startswith(STREAMS))

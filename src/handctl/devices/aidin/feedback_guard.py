@@ -11,7 +11,7 @@ it is the noise of the fingertip sensors: where it was there before and nothing 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from math import inf
+from math import degrees, inf
 
 from handctl.devices.aidin.parameter_map import AIDIN, LARGEST_RADIAN, AidinParam, some
 from handctl.errors import CheckFailed, Hint
@@ -24,6 +24,8 @@ FASTEST, FASTEST_TO_0 = 3.0, 1.0
 no speeds. handctl's own ramps are 15 times slower than the first."""
 JITTER = 0.04
 """Seconds by which an object may come later than the one before it: a server that writes in pieces waits for an acknowledgement."""
+ROUNDED = 0.001
+"""Degrees, more than rounding makes of a difference: beyond them the values are compared as people see them."""
 FROZEN = 0.5
 """Seconds in which nothing changes, at least."""
 OBJECTS = 5
@@ -101,7 +103,13 @@ class FeedbackGuard:
         usual = (self._at[param.key] - begun) / count if count else 0.0  # several objects may come at once
         fastest = FASTEST_TO_0 if param.key == MOTOR_POS and not any(now) else FASTEST
         most = fastest * (max(since, usual) + JITTER)
-        ends = zip(map(param.from_wire, before), map(param.from_wire, now), RANGES[param.key], strict=True)
+        unit, sizes = (degrees(1.0) if param.angles else 1.0), RANGES[param.key]
+        near = [
+            abs(new - old) * unit < most * size - ROUNDED for old, new, size in zip(before, now, sizes, strict=True)
+        ]
+        if all(near):
+            return  # as nearly always, and each object of each movement passes here
+        ends = zip(map(param.from_wire, before), map(param.from_wire, now), sizes, strict=True)
         leaps = [
             f"{param.elements[index]} from {old:.{param.places}f} to {new:.{param.places}f}"
             for index, (old, new, size) in enumerate(ends)

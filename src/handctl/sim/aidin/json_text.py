@@ -204,9 +204,13 @@ class Writer:
         return {
             "motor_pos": row("motor_pos", counts, lambda: [f"{count}{self._point}" for count in counts]),
             "joint_pos": row(
-                "joint_pos", (counts, scale), lambda: [_number(angle * scale, self._digits) for angle in hand.joints()]
+                "joint_pos",
+                (counts, scale),
+                lambda: [_number(angle * scale, self._digits) for angle in hand.joints(counts)],
             ),
-            "task_space_pos": row("task_space_pos", counts, lambda: [_number(place, long) for place in hand.tips()]),
+            "task_space_pos": row(
+                "task_space_pos", counts, lambda: [_number(place, long) for place in hand.tips(counts)]
+            ),
             "current_state": row(
                 "current_state", currents, lambda: [f"{current}{self._point}" for current in currents]
             ),

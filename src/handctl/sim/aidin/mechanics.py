@@ -78,12 +78,15 @@ class Motor:
             return
         fastest = self.stroke * torque / 1000.0  # counts a second
         if self.drive == "current":
-            speed = min(abs(self.goal) / RUNNING * self.stroke, fastest)
-            wanted = self.place + math.copysign(speed * seconds, self.goal)
+            speed = abs(self.goal) / RUNNING * self.stroke
+            if speed > fastest:
+                speed = fastest
+            wanted = self.place + (speed * seconds if self.goal >= 0.0 else -speed * seconds)
         else:
             wanted = self._approach(fastest, seconds)
-        floor = self.place if self.one_way else min(self.floor, self.place)
-        self.place = min(max(wanted, floor), max(self.ceiling, 0.0))
+        floor = self.place if self.one_way or self.place < self.floor else self.floor
+        ceiling = self.ceiling if self.ceiling > 0.0 else 0.0
+        self.place = wanted if floor <= wanted <= ceiling else min(max(wanted, floor), ceiling)
 
     def _approach(self, fastest: float, seconds: float) -> float:
         """At full speed until the lag takes over; the last half count is made at once."""
@@ -204,20 +207,20 @@ class Hand:
     def encoders(self) -> list[int]:
         return [motor.reading() for motor in self.motors]
 
-    def joints(self) -> list[float]:
+    def joints(self, counts: list[int]) -> list[float]:
         """q1 q2 q3 q4 of each finger, degrees, from the encoders as the firmware has to."""
         rows = []
-        for finger, (u, v, s) in enumerate(self._shares()):
+        for finger, (u, v, s) in enumerate(_shares(counts)):
             (low1, high1), _, (low3, high3) = JOINTS[finger]
             q3 = high3 - s * (high3 - low3)
             q4 = {"same": q3, "half": 90.0 + q3 / 2.0, "zero": 0.0}[self.coupling]
             rows += [low1 + u * (high1 - low1), 30.0 * v, q3, q4]
         return rows
 
-    def tips(self) -> list[float]:
+    def tips(self, counts: list[int]) -> list[float]:
         """x y z of each fingertip, mm, in the frame of the finger."""
         rows = []
-        for finger, (u, v, s) in enumerate(self._shares()):
+        for finger, (u, v, s) in enumerate(_shares(counts)):
             _, (low_y, high_y), (low_z, high_z) = TIPS[finger]
             rows += [51.0 * v, low_y + u * (high_y - low_y), high_z - s * (high_z - low_z)]
         return rows
@@ -248,13 +251,14 @@ class Hand:
                 values[6 * finger + 2] += PRESS * max(0.0, third.pull(self.torque))
         return values
 
-    def _shares(self) -> list[tuple[float, float, float]]:
-        """(u, v, s) of each finger: m1 and m2 together bend (0..1), their difference spreads (-1..1), m3 curls (0..1)."""
-        rows, counts = [], self.encoders()
-        for finger, (long, _, short) in enumerate(STROKES):
-            m1, m2, m3 = counts[3 * finger : 3 * finger + 3]
-            rows.append(((m1 + m2) / (2 * long), (m1 - m2) / long, m3 / short))
-        return rows
+
+def _shares(counts: list[int]) -> list[tuple[float, float, float]]:
+    """(u, v, s) of each finger: m1 and m2 together bend (0..1), their difference spreads (-1..1), m3 curls (0..1)."""
+    rows = []
+    for finger, (long, _, short) in enumerate(STROKES):
+        m1, m2, m3 = counts[3 * finger : 3 * finger + 3]
+        rows.append(((m1 + m2) / (2 * long), (m1 - m2) / long, m3 / short))
+    return rows
 
 
 def from_joints(degrees: list[float]) -> list[float]:

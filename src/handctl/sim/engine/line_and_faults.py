@@ -179,6 +179,7 @@ class Cable(Switched):
         self.second = False  # another device than the first of its kind: what it measures differs a little
         self._now: float | None = None
         self._closed = False
+        self._settled = False  # all that happens until now has happened, and nobody has done anything since
         self._save = "never" if given["use"] == "on" else given["save"]
         self._changed = False
         self._user: Iterator[float] | None = None  # acts, then tells for how many seconds it does nothing else
@@ -197,7 +198,7 @@ class Cable(Switched):
 
     def reconnect(self) -> None:
         """A new client: what was on the wire is lost, the device goes on."""
-        self.hung_up = False
+        self.hung_up = self._settled = False
         self._drop()
 
     def advance(self, now: float) -> None:
@@ -211,11 +212,13 @@ class Cable(Switched):
         while self._user is not None and self._acts <= now:  # the user of the device acts at each moment that has come
             self._pass(self._acts)
             self._acts += next(self._user)
+            self._settled = False
         self._pass(now)
 
     # -- power and control ----------------------------------------------------------------------------------------
 
     def power(self, on: bool) -> None:
+        self._settled = False
         if not on:
             self._drop()
         if on != self.device.powered:
@@ -224,10 +227,12 @@ class Cable(Switched):
 
     def fault(self, names: str) -> str:
         self._faults = self._parse_faults(names)
+        self._settled = False
         self.device.set_faults(self._faults)
         return ",".join(sorted(self._faults)) or "none"
 
     def further(self, words: list[str]) -> str:
+        self._settled = False
         answer = self.device.command(words)
         if words == ["help"]:
             return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {answer}"
@@ -398,7 +403,7 @@ class Line(Cable):
     def client_baud(self, baud: int | None) -> None:
         if baud == self._client_baud:
             return
-        self._client_baud = baud
+        self._client_baud, self._settled = baud, False
         for segment in self._tx:
             done = segment.complete(self._present())
             if done < len(segment.data) and segment.speed is not None and baud is not None:
@@ -412,12 +417,15 @@ class Line(Cable):
 
     def _pass(self, now: float) -> None:
         if self._now is None or now > self._now:
-            self._now = now
+            self._now, self._settled = now, False
+        elif self._settled:
+            return
         if self._rx:
             self._listen()
         self.device.advance(self._now)
         self._collect()
         self._look()
+        self._settled = True
 
     def _look(self) -> None:
         """With the port goes what was on the wire."""
@@ -441,6 +449,7 @@ class Line(Cable):
         """Bytes that the client writes at the present time."""
         if self._now is None:
             self.advance(0.0)
+        self._settled = False
         now, baud = self._present(), self._client_baud
         if self.hung_up or not data:
             return

@@ -132,21 +132,22 @@ def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
 
 
 def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Finding | None:
+    allowed, objection = param.allowed(value), param.objection(index, value)
+    advice = _advice(param.mnemonic, motor, value, param.default_of(index))
+    if allowed and objection is None and advice is None:
+        return None
     name = f"{param.mnemonic}.{motor}" if motor else param.mnemonic
-    default = param.default_of(index)
     back = _back(motor, param.mnemonic)
     if param.mnemonic == "BAUD":
         back = Hint("{}, with --save when it was saved", "barrett baud 9600")
     source = param.source
-    if not param.allowed(value):
+    if not allowed:
         evidence = f"{name} = {value} is outside its range {param.range_text}, so the RAM contents may be corrupt"
         return Finding(name, FAIL, evidence, joined(back, "if it happens again, reload the firmware (§3.7)"), source)
-    objection = param.objection(index, value)
     if objection is not None:
         harms = param.mnemonic in HARD or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
         return Finding(name, FAIL if harms else WARNING, objection, back, source)
-    advice = _advice(param.mnemonic, motor, value, default)
-    return None if advice is None else Finding(name, WARNING, advice, back, source)
+    return Finding(name, WARNING, advice or "", back, source)
 
 
 def _advice(mnemonic: str, motor: str | None, value: int, default: int | None) -> str | None:
