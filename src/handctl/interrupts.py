@@ -126,7 +126,7 @@ def finish_on_signals() -> None:
     from handctl.system import signals
 
     device_done()
-    signals.take(_end, filter(signals.taken, signals.numbers(suspend=True)))
+    signals.take(_end, signals.numbers(suspend=True), only_taken=True)
     if _state.interrupt_count > 1:
         _ring_soon()
 
@@ -226,23 +226,28 @@ def forget(descriptor: int) -> None:
     _state.additional.discard(descriptor)
 
 
-@contextlib.contextmanager
-def handing_over(descriptor: int = -1) -> Iterator[None]:
+class handing_over:  # noqa: N801 - each piece of a result, and of a trace, goes through it: no generator
     """Delay an interrupt until the chunk is written, unless the reader of the descriptor sleeps.
 
     So a piece is out and noted, or neither. Other threads than that of the command hear of no wish.
     """
-    if _state.handing is not None or get_ident() != _state.thread:
-        yield
-        return
-    _state.handing = descriptor
-    try:
-        yield
-    finally:
+
+    def __init__(self, descriptor: int = -1) -> None:
+        self._descriptor = descriptor
+        self._mine = False
+
+    def __enter__(self) -> None:
+        if _state.handing is None and get_ident() == _state.thread:
+            self._mine = True
+            _state.handing = self._descriptor
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if not self._mine:
+            return
         _state.handing = None
-    if _state.kept:
-        _state.kept = False
-        raise KeyboardInterrupt
+        if _state.kept and kind is None:
+            _state.kept = False
+            raise KeyboardInterrupt
 
 
 def _writable() -> set[int]:

@@ -210,8 +210,8 @@ ROWS = (
         "stale input believed",
         SESSION,
         "Session.keeps",
-        "if lost or connection.stopped is not None:",
-        "if connection.stopped is not None:",
+        "if link is None or isinstance(failure, LinkError) or stopped:",
+        "if link is None or stopped:",
         "tests/kernel/test_batch.py::test_a_link_that_failed_once_is_opened_again_though_it_reads_on",
     ),
     mistake(
