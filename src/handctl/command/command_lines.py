@@ -77,7 +77,8 @@ class ScriptLine(NamedTuple):
             run = Run(self.context, self.settings, self.leaf.family, session=session)
         else:
             run.again()
-        run.show(self.leaf.body(run))
+        with run.shown():
+            run.carry_out(self.leaf.body(run))
         if self.leaf.only_reads and not run.settings.output:  # the same line again asks the same
             told.run = run
 

@@ -94,7 +94,8 @@ class Command(Described):
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
             gc.freeze()
             gc.enable()
-        run.show(self.body(run))
+        with run.shown():
+            run.carry_out(self.body(run))
 
     def body(self, run: Run) -> Callable[[], Table | PlannedAction | None]:
         """What a run of the parsed line carries out: it gets the run first, then what was parsed."""

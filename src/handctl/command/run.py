@@ -261,12 +261,13 @@ class Run(Invocation):
         self.journal.info("dry-run", f"dry run: nothing was sent{looks}")
         return plan_table(steps)
 
-    def show(self, body: Callable[[], Table | PlannedAction | None]) -> None:
-        """Carry out the body: answer to signals, close the link, show the table, and raise what went wrong."""
+    @contextmanager
+    def shown(self) -> Iterator[None]:
+        """Around `carry_out`: answer to signals, close the link, show the table, and raise what went wrong."""
         end_on_signals(suspend=self.writes)
         with self.after_output:
             try:
-                self.carry_out(body)
+                yield
             except BaseException:  # a bug of ours: the link and its lock are let go all the same
                 finish_on_signals()
                 self.close(None)

@@ -222,7 +222,8 @@ def run_on_each(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -
     settings = first.settings._replace(port=None, fake=False, trace=None, device=None, kind=None, wide=False)
     whole = Several(context, settings, None)
     whole.every = tuple(every)
-    whole.show(lambda: _together(whole, every))
+    with whole.shown():
+        whole.carry_out(lambda: _together(whole, every))
 
 
 def _check(words: Sequence[str], every: Sequence[EachDevice]) -> None:
