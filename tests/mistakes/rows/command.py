@@ -165,7 +165,7 @@ ROWS = (
         "stale input believed",
         "handctl.command.library_call",
         "LibrarySession.again",
-        "call.begin(call.journal.line)  # what was understood of its words holds, and nothing else",
+        "call.again()",
         "pass",
         "tests/contract/test_library_again.py::test_it_asks_and_answers_as_the_first_time",
     ),
