@@ -55,8 +55,10 @@ else:
                 continue
             names[f"_{name}"] = default.default_factory if isinstance(default, field) else default
             parts.append(f"{name}=_{name}")
-            own = f"_{name}() if {name} is _{name} else {name}" if isinstance(default, field) else name
-            lines.append(f"{put.format(name)} = {own}")
+            if isinstance(default, field):
+                lines.append(f"{put.format(name)} = _{name}() if {name} is _{name} else {name}")
+            else:  # its class has it already
+                lines.append(f"if {name} is not _{name}: {put.format(name)} = {name}")
         cls.__match_args__ = tuple(fields)
         head = f"def __init__(self, {'*, ' if kw_only else ''}{', '.join(parts)}):"
         exec("\n ".join([head, *lines]), names)  # noqa: S102 - the text is made of the class alone

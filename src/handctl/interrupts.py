@@ -126,7 +126,7 @@ def finish_on_signals() -> None:
     from handctl.system import signals
 
     device_done()
-    signals.take(_end, filter(signals.taken, signals.numbers(suspend=True)))
+    signals.take(_end, signals.numbers(suspend=True), only_taken=True)
     if _state.interrupt_count > 1:
         _ring_soon()
 

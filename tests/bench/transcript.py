@@ -36,7 +36,23 @@ RECORDED = {
     "aidin": f"fake://aidin?{MOVING}",
     "hand": f"fake://hand?jitter=1&{MOVING}",
 }
+PIECES, REALTIME = "ekso, replies in pieces of 8 bytes", "barrett, RealTime"
+RECORDED |= {PIECES: RECORDED["ekso"], REALTIME: RECORDED["barrett"]}
 """Each in whole replies with all that changes by itself; an EksoNR's are full answers to GetData."""
+LOOP = "barrett", (
+    "realtime", "--motors", "G", "--send", "velocity,gain", "--velocity", "5", "--gain", "20",
+    "--receive", "velocity,strain,position", "--yes",
+)  # fmt: skip
+"""What drives the fingers."""
+PIECE = 8
+
+
+def in_pieces(line: str) -> str:
+    """A line of a recording, a reply as an adapter hands it on: some bytes at a time."""
+    moment, mark, *data = line.split()
+    size = PIECE if mark == "<" else len(data)
+    pieces = (" ".join(data[start : start + size]) for start in range(0, len(data), size))
+    return "".join(f"{moment} {mark} {piece}\n" for piece in pieces)
 
 
 def run(*, quick: bool) -> Iterator[Figure]:
@@ -45,21 +61,12 @@ def run(*, quick: bool) -> Iterator[Figure]:
     for name, link in RECORDED.items():
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "run.txt"
-            handctl(
-                name,
-                "watch",
-                "--rate",
-                "50",
-                "--count",
-                "4000",
-                "--trace",
-                str(file),
-                "-o",
-                str(Path(folder) / "out"),
-                "-p",
-                link,
-            )
+            family, words = LOOP if name == REALTIME else (name.partition(",")[0], ("watch", "--rate", "50"))
+            more = ("--count", "4000", "--trace", str(file), "-o", str(Path(folder) / "out"), "-p", link)
+            handctl(family, *words, *more)
             head, _, rest = file.read_text(encoding="utf-8").partition("\n")
+            if name == PIECES:
+                rest = "".join(map(in_pieces, rest.splitlines()))
             file.write_text(f"{head}\n" + rest * max(1, size // len(rest)), encoding="utf-8")
             plain = float(subprocess.check_output([sys.executable, "-c", PLAIN, str(file)]))
             note = f"{file.stat().st_size / 1e6:.0f} MB; user time of the whole process"

@@ -228,22 +228,20 @@ class Session:
 
     def keeps(self, connection: Connection, failure: HandctlError | None, run: Invocation) -> bool:
         """Whether the connection of a run is one of these: it stays open, unless it was lost or the device stopped."""
-        journal = run.journal
-        for key, known in self._open.items():
-            if known is connection:
-                self._note_movement(known, failure, run)
-                lost = connection.link is None or isinstance(failure, LinkError)
-                if lost or connection.stopped is not None:
-                    self._close(key, journal)
-                elif connection.link is not None:
-                    connection.link.observers = connection.observers
-                return True
-        return False
+        if self._open.get(connection.key) is not connection:
+            return False
+        stopped, link = connection.stopped is not None, connection.link
+        self._note_movement(connection.name, run, stopped, failure)
+        if link is None or isinstance(failure, LinkError) or stopped:
+            self._close(connection.key, run.journal)
+        else:
+            link.observers = connection.observers
+        return True
 
-    def _note_movement(self, connection: Connection, failure: HandctlError | None, run: Invocation) -> None:
+    def _note_movement(self, name: str, run: Invocation, stopped: bool, failure: HandctlError | None) -> None:
         """Remember what the command leaves moving, or that it was stopped."""
-        stop, name = run.journal.still_moving(), connection.name
-        if connection.stopped is not None or (stop is not None and isinstance(failure, Interrupted)):
+        stop = run.journal.still_moving()
+        if stopped or (stop is not None and isinstance(failure, Interrupted)):
             self._moving.pop(name, None)
         elif stop is not None:
             self._moving[name] = run, stop

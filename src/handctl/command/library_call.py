@@ -84,12 +84,12 @@ class Call(Run):
         """The rows of what has ended. Raises what went wrong, with them; KeyboardInterrupt for Ctrl-C."""
         told, table = self.outcome.failure, self.outcome.table
         rows = table.rows if table is not None and table.samples is None else []
+        if told is None:
+            return rows
         if isinstance(told, Interrupted) and told.code != STOPPED:
             raise KeyboardInterrupt(told.text) from told
-        if told is not None:
-            told.rows = tuple(rows)
-            raise told
-        return rows
+        told.rows = tuple(rows)
+        raise told
 
     def samples(self) -> Generator[list[Row], None, None]:
         """The samples of a stream, each as its rows. The device is left when it ends, or is closed."""
@@ -150,7 +150,7 @@ class LibrarySession:
             if call is None or self._running is not None:
                 return None
             self.last = call
-            call.begin(call.journal.line)  # what was understood of its words holds, and nothing else
+            call.again()
             return call.finished(call.body)
 
     def call(
@@ -182,7 +182,6 @@ class LibrarySession:
             if key is not None and command.only_reads and outcome.table is not None and len(self._bound) < MOST_BOUND:
                 with suppress(TypeError):
                     self._bound[key] = call
-                    call.checked = True
             return iter([rows]) if command.streams else rows
 
     def _call(

@@ -103,7 +103,9 @@ class Run(Invocation):
         super().__init__(ctx, settings, family, prompts, session)
         self.connection = Connection()
         self.checked = False
-        """Its words were understood and carried out before: `begin` starts it once more."""
+        """Its words were understood and carried out before: `again` begins it once more."""
+        self.before: Any = None
+        """The device of the time before, if nothing was remarkable then."""
         self.after_output = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
         self.begin()
@@ -117,21 +119,33 @@ class Run(Invocation):
         self.others: list[Run] = []
         """The same command at further LINKs, see `device_at`."""
 
+    def again(self) -> None:
+        """Begin once more what went well: what was understood of its words holds."""
+        plain = self.outcome.failure is None and not self.journal.messages and self.settings.deadline is None
+        self.before, self.checked = self.opened if plain else None, True
+        self.begin(self.journal.line)
+
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
         if self.opened is None:
-            assert self.family is not None
-            settings = self.settings
-            if self.writes:
-                settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
-            self.opened = self.family.open(self.open_link(), settings, self.journal)
-            self.opened.options = settings
-            facts = {key: settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
-            if facts:
-                from handctl.model.facts_file import words
-
-                self.journal.info("facts-used", words(facts, str(settings.facts)))
+            link, before = self.open_link(), self.before
+            same = before is not None and before.link is link and before.again(self.journal)
+            self.opened = before if same else self._opened(link)
         return self.opened
+
+    def _opened(self, link: Link) -> Any:
+        assert self.family is not None
+        settings = self.settings
+        if self.writes:
+            settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
+        opened = self.family.open(link, settings, self.journal)
+        opened.options = settings
+        facts = {key: settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
+        if facts:
+            from handctl.model.facts_file import words
+
+            self.journal.info("facts-used", words(facts, str(settings.facts)))
+        return opened
 
     def device_at(self, link: str, **settings: Any) -> Any:
         """A further device of this family, at another LINK, let go of with the first. Raises UsageError, LinkError."""
@@ -290,7 +304,7 @@ class Run(Invocation):
                     check_before(self)
                 made = body()
                 outcome.table = self.act(made) if isinstance(made, PlannedAction) else made
-                if outcome.streams and self.shows:
+                if self.shows and outcome.streams:
                     outcome.failure = outcome.stream(self)
             except HandctlError as exc:
                 outcome.failure = exc  # stands, should Ctrl-C come while its cause is looked for
@@ -316,8 +330,8 @@ class Run(Invocation):
     def end_device(self) -> HandctlError | None:
         """Let go of the link; what went wrong with the command, or else what is wrong with its table."""
         outcome, table = self.outcome, self.outcome.table
-        failure = self.with_cause_named(outcome.failure)
-        if table is not None:
+        failure = outcome.failure and self.with_cause_named(outcome.failure)
+        if table is not None and table.failure is not None:
             table.failure = self.with_cause_named(table.failure)
         failure = self.stopped or failure
         try:

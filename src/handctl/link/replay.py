@@ -61,9 +61,8 @@ class Recording:
     def __init__(self, file: BinaryIO, source: str) -> None:
         self._file = file
         self._source = source
-        self._places = array("Q")  # where the line of each request ends
+        self._places = array("Q")  # where the line of each request begins
         self._hashes = array("q")  # of each request
-        self._times = array("d")  # when it was asked
         self.can = False
         """Whether the first line is a frame on CAN."""
         self.speaks = False
@@ -73,7 +72,6 @@ class Recording:
             if entry.mark == ">":
                 self._places.append(place)
                 self._hashes.append(hash((entry.can_id, entry.data)))
-                self._times.append(entry.time or 0.0)
             elif entry.mark == "<" and not len(self):
                 self.speaks = True
         if self._left_out:
@@ -100,12 +98,18 @@ class Recording:
 
     def pause(self, index: int) -> float:
         """Seconds from the request before to this one."""
-        return max(0.0, self._times[index] - (self._times[index - 1] if index else 0.0))
+        return max(0.0, self._time(index) - self._time(index - 1))
+
+    def _time(self, index: int) -> float:
+        """When a request was asked, 0 for that before the first."""
+        return next(self._entries(self._places[index]))[1].time or 0.0 if index >= 0 else 0.0
 
     def replies(self, index: int) -> Iterator[Reply]:
         """The data after a request, -1 = before the first. Lines without a time arrive at once."""
-        start = self._times[index] if index >= 0 else 0.0
-        for _, entry in self._entries(self._places[index] if index >= 0 else 0):
+        start, entries = 0.0, self._entries(self._places[index] if index >= 0 else 0)
+        if index >= 0:
+            start = next(entries)[1].time or 0.0
+        for _, entry in entries:
             if entry.mark == ">":
                 return
             if entry.mark == "<" or entry.text == "disconnect":
@@ -113,7 +117,7 @@ class Recording:
                 yield delay, (entry.can_id, entry.data) if entry.mark == "<" else LOST
 
     def _entries(self, place: int) -> Iterator[tuple[int, Entry]]:
-        """(where its line ends, entry) of each entry from `place` on."""
+        """(where its line begins, entry) of each entry from `place` on."""
         while True:
             self._file.seek(place)
             try:
@@ -132,7 +136,7 @@ class Recording:
             start, place = place, place + len(data)
             if not line.startswith("#"):
                 if line:
-                    yield place, self._parsed(line, start)
+                    yield start, self._parsed(line, start)
             elif line.endswith(LEFT_OUT):
                 self._left_out |= " < " in line
 

@@ -214,12 +214,12 @@ class SerialLink(ByteLink):
 
     def _write_fd(self, data: bytes, deadline: Deadline) -> None:
         assert self._fd is not None and self._raw_access is not None
-        view = memoryview(data)
-        while view:
+        rest = data
+        while rest:
             try:
-                view = view[os.write(self._fd, view) :]
+                rest = rest[os.write(self._fd, rest) :]
             except BlockingIOError as exc:
-                self._raw_access.note_unfinished(bytes(view) if len(view) < len(data) else b"")
+                self._raw_access.note_unfinished(rest if len(rest) < len(data) else b"")
                 if not writable(self._fd, deadline.remaining):
                     raise self._stuck() from exc
         self._raw_access.note_unfinished(b"")

@@ -252,6 +252,7 @@ class Device(ABC):
     live         the quantities that change during use: the default of `watch`
     additional   also shown in the live view when no quantity was named; those in `slowly` once a second
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
+    no_value     keys of a row whose value could not be read, beside its error
     worn         a person may be wearing it, so movements need a confirmation
     setpoint_pairs  set points and the quantities that follow them, `releases` the writes that let an axis go there (`SetpointPair`, `Release`)
     not_covered  what a snapshot cannot contain; `restore` reports it
@@ -271,6 +272,7 @@ class Device(ABC):
     additional: tuple[str, ...] = ()
     slowly: tuple[str, ...] = ()
     scales: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    no_value: Mapping[str, None] = MappingProxyType({})
     worn = False
     setpoint_pairs: Sequence[SetpointPair] = ()
     releases: Sequence[Release] = ()
@@ -304,6 +306,10 @@ class Device(ABC):
             return False
         self._line.reopened()
         return True
+
+    def again(self, journal: Journal) -> bool:
+        """Serve the next command, which reads the same on the same link, and tells `journal`; False where each command begins anew."""
+        return False
 
     # -- identity ------------------------------------------------------------------------------------------------
 
@@ -416,7 +422,7 @@ class Device(ABC):
         param, row = element.param, self.element_keys(element)
         if error is not None or value is None:
             row |= {"error": error.text if error is not None else "not read", "unit": param.unit}
-            return {**row, "path": element.path}
+            return {**row, "path": element.path, **self.no_value}
         row |= self.value_keys(reading)
         row["path"] = element.path
         if self.product:

@@ -6,6 +6,7 @@ Knows no terminal, no device and no file; imports only the standard library. Row
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import command_of
@@ -294,6 +295,9 @@ class Sample(NamedTuple):
         return [{**stamp, **row} for row in self.rows]
 
 
+NONE: Mapping[str, Any] = MappingProxyType({})
+
+
 @fast_dataclass()
 class Table:
     """The result of a command.
@@ -332,18 +336,18 @@ class Table:
     steer: Callable[[Mapping[str, Any]], None] | None = None
     samples: Iterable[Sample] | None = None
     summary: Callable[[], dict[str, Any]] | None = None
-    ranges: dict[str, tuple[float, float]] = field(default_factory=dict)
-    scales: Mapping[str, tuple[float, float]] = field(default_factory=dict)
-    decimals: dict[str, int] = field(default_factory=dict)
+    ranges: Mapping[str, tuple[float, float]] = NONE
+    scales: Mapping[str, tuple[float, float]] = NONE
+    decimals: Mapping[str, int] = NONE
     bounds: tuple[Bound, ...] = ()
     flags: frozenset[str] = frozenset()
-    remedies: Mapping[str, Any] = field(default_factory=dict)
-    highest: Mapping[str, float] = field(default_factory=dict)
+    remedies: Mapping[str, Any] = NONE
+    highest: Mapping[str, float] = NONE
     wide: bool = False
     line: Callable[[Row], str] | None = None
     closing: Callable[[], Iterable[str]] | None = None
     live: bool = True
-    cards: Mapping[str, Callable[[], Table]] = field(default_factory=dict)
+    cards: Mapping[str, Callable[[], Table]] = NONE
     pictures: tuple[Callable[[list[Row]], list[Grid]], ...] = ()
     extra: dict[str, Any] = field(default_factory=dict)
     spool: Callable[[], Iterable[str]] | None = None
@@ -453,7 +457,9 @@ class Journal:
 
     def still_moving(self) -> Callable[[], Stopped] | None:
         """How what was set going is stopped; None where nothing that moves was written."""
-        stop, before = self._moving or (None, 0)
+        if self._moving is None:
+            return None
+        stop, before = self._moving
         return stop if self.ledger.mark > before else None
 
     def blame(self, error: HandctlError) -> HandctlError:

@@ -37,11 +37,11 @@ def numbers(*, suspend: bool = False, alarm: bool = False) -> list[int]:
     return _NUMBERED + (_SUSPENDING if suspend else []) + (_ALARM if alarm else [])
 
 
-def take(handler: Handler, which: Iterable[int]) -> list[tuple[int, Any]]:
-    """Let `handler` take these; what they had before, for `give_back`."""
+def take(handler: Handler, which: Iterable[int], *, only_taken: bool = False) -> list[tuple[int, Any]]:
+    """Let `handler` take these, or those that the system's own handler does not have; what they had before, for `give_back`."""
     before = [(number, _plain.getsignal(number)) for number in which]
     for number, old in before:
-        if old is not handler:
+        if old is not handler and not (only_taken and old in (_plain.SIG_DFL, None)):
             _plain.signal(number, handler)
     return before
 
@@ -50,11 +50,6 @@ def give_back(before: Iterable[tuple[int, Any]]) -> None:
     """Each has what it had before `take`."""
     for number, old in before:
         _plain.signal(number, old if callable(old) else int(old or _plain.SIG_DFL))  # an enum of `signal`, too
-
-
-def taken(number: int) -> bool:
-    """Whether anything but the system's own handler has a signal."""
-    return _plain.getsignal(number) not in (signal.SIG_DFL, None)
 
 
 def ignore(which: Iterable[int]) -> None:
@@ -240,7 +235,7 @@ if sys.platform == "win32":
         from ctypes import wintypes
 
         def closing() -> None:
-            if taken(signal.SIGTERM):
+            if signal.getsignal(signal.SIGTERM) not in (signal.SIG_DFL, None):
                 _thread.interrupt_main(signal.SIGTERM)
                 time.sleep(PATIENCE)
 

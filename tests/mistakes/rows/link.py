@@ -227,7 +227,7 @@ ROWS = (
         "output half written",
         "handctl.link.serial",
         "SerialLink._write_fd",
-        'self._raw_access.note_unfinished(bytes(view) if len(view) < len(data) else b"")',
+        'self._raw_access.note_unfinished(rest if len(rest) < len(data) else b"")',
         'self._raw_access.note_unfinished(b"")',
         "tests/link/test_links.py::test_a_port_that_takes_nothing_ends_at_the_deadline",
     ),

@@ -23,6 +23,8 @@ import re
 from collections import deque
 from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
+from operator import getitem
+from struct import calcsize
 
 from handctl.devices.barrett.gcl.codec import (
     ABORT,
@@ -50,9 +52,10 @@ from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK_ONLY,
     NEITHER,
     UNITS,
-    Field,
     Layout,
     Selection,
+    number_of,
+    tenths_of,
 )
 from handctl.errors import HandctlError
 from handctl.model.explainer import (
@@ -60,7 +63,9 @@ from handctl.model.explainer import (
     HOST,
     CodedValues,
     ExplainedBytes,
+    Known,
     LazySequence,
+    Maker,
     Makers,
     Part,
     Value,
@@ -295,11 +300,11 @@ def factory_block(direction: str, data: bytes) -> list[ExplainedBytes]:
     """A block of all four motors with the flags of the factory, as one piece; [] if it has another size."""
     layout = Flags().layout("")
     if direction == HOST and data[:1] in (b"C", b"c") and len(data) == layout.control_size:
-        return [control_piece(layout, data, "")]
+        return [control_piece(BlockWords(layout, control=True), data)]
     if direction == DEVICE and data[:1] == b"*" and len(data) == layout.feedback_size:
-        return [feedback_piece(layout, data, "")]
+        return [feedback_piece(BlockWords(layout, control=False), data)]
     if direction == HOST and len(data) == 1 and data in b"Aa":
-        return [control_piece(layout, data, "")]
+        return [control_piece(BlockWords(layout, control=True), data)]
     if direction == DEVICE and data == b"*":
         return [ExplainedBytes(direction=DEVICE, raw=data, meaning="* acknowledgement")]
     known = {HOST: (b"C", b"c"), DEVICE: (b"*",)}[direction]
@@ -315,44 +320,75 @@ def factory_block(direction: str, data: bytes) -> list[ExplainedBytes]:
     return []
 
 
-def _told(fields: Iterable[Field]) -> tuple[list[str], list[Value], list[Part]]:
-    """The values of a block: in words by motor, as values, as its parts."""
-    texts: dict[str, str] = {}
-    carried, parts = [], []
-    for index, name, raw, number in fields:
-        motor, unit = MOTORS[index], UNITS.get(name)
-        text = f"{number} {unit}" if unit else str(number)
-        texts[motor] = f"{texts.get(motor, motor)} {name} {text}"
-        carried.append(Value(f"{name}.{motor}", number, unit))
-        parts.append(Part(raw, f"{name}.{motor}", text))
-    return list(texts.values()), carried, parts
+class BlockWords:
+    """What the blocks of one direction say."""
+
+    def __init__(self, layout: Layout, *, control: bool) -> None:
+        names = layout.control_names if control else layout.feedback_names
+        self._form = layout.control_form if control else layout.feedback_form
+        self._makers, self._texts = _numbers(tuple(names), 0 if control else layout.temperature)
+        self._sizes = [calcsize(code) for code in self._form.format[2:]]
+
+    def told(self, block: bytes) -> tuple[str, Values, Iterable[Part]]:
+        """A block in words, its values, its parts."""
+        numbers = self._form.unpack(block)
+        values = CodedValues(self._makers, numbers)
+        return "".join(map(getitem, self._texts, numbers)).removeprefix(", "), values, self._parts(block, values)
+
+    def _parts(self, block: bytes, values: Values) -> Iterator[Part]:
+        place = 1
+        for value, size in zip(values, self._sizes, strict=True):
+            yield Part(block[place : place + size], value.name, _shown(value))
+            place += size
 
 
-def control_piece(layout: Layout, block: bytes, key: str) -> ExplainedBytes:
+@lru_cache(64)
+def _numbers(names: tuple[tuple[int, str], ...], temperature: int) -> tuple[Makers, list[Known[int]]]:
+    """What makes the numbers of a block values, and words: each once, as a loop has thousands of blocks."""
+    makers: list[Maker] = [partial(_number, index, name) for index, name in names]
+    before = [-1, *(index for index, _ in names)]
+    begins = [f", {MOTORS[index]} " if index != last else " " for (index, _), last in zip(names, before, strict=False)]
+    if temperature:
+        makers.append(lambda number: Value("temperature", tenths_of(number, temperature) / 10, "°C"))
+        begins.append(", ")
+    return Makers(makers), [Known(partial(_field, *each)) for each in zip(begins, makers, strict=True)]
+
+
+def _number(index: int, name: str, number: int) -> Value:
+    return Value(f"{name}.{MOTORS[index]}", number_of(index, name, number), UNITS.get(name))
+
+
+def _shown(value: Value) -> str:
+    return f"{value.value} {value.unit}" if value.unit else str(value.value)
+
+
+def _field(begin: str, make: Maker, number: int) -> str:
+    """A number with its name, behind that of its motor where it is the first."""
+    value = make(number)
+    assert value is not None
+    return f"{begin}{value.name.partition('.')[0]} {_shown(value)}"
+
+
+def control_piece(words: BlockWords, block: bytes) -> ExplainedBytes:
     """A control block, complete."""
     header = chr(block[0])
     full = header in "CA"
-    texts, carried, parts = _told(layout.fields(block, control=True) if len(block) > 1 else ())
+    told, values, parts = words.told(block) if len(block) > 1 else ("", (), ())
     asked = Part(block[:1], "header", "reply with feedback" if full else "reply with * only")
-    data, back = ", ".join(texts) or "no control values", "feedback" if full else "acknowledgement"
+    back = "feedback" if full else "acknowledgement"
     return ExplainedBytes(
-        direction=HOST, raw=block, meaning=f"{header}: {data}, requests {back}", title=f"block {header}", asks=key,
-        values=tuple(carried), parts=(asked, *parts), fields={"header": header},
+        direction=HOST, raw=block, meaning=f"{header}: {told or 'no control values'}, requests {back}",
+        title=f"block {header}", values=values, parts=LazySequence(lambda: (asked, *parts)), fields={"header": header},
+        kept={},
     )  # fmt: skip
 
 
-def feedback_piece(layout: Layout, block: bytes, key: str) -> ExplainedBytes:
+def feedback_piece(words: BlockWords, block: bytes) -> ExplainedBytes:
     """A feedback block, complete."""
-    texts, carried, parts = _told(layout.fields(block))
-    tenths = layout.decode(block).temperature
-    if tenths is not None:
-        celsius = tenths / 10
-        texts.append(f"temperature {celsius:.1f} °C")
-        carried.append(Value("temperature", celsius, "°C"))
-        parts.append(Part(block[-layout.temperature :], "temperature", f"{celsius:.1f} °C"))
+    told, values, parts = words.told(block)
     return ExplainedBytes(
-        direction=DEVICE, raw=block, meaning=f"* {', '.join(texts) or 'no feedback values'}", title="feedback",
-        answers=key, values=tuple(carried), parts=(Part(block[:1], "acknowledgement", "*"), *parts),
+        direction=DEVICE, raw=block, meaning=f"* {told or 'no feedback values'}", title="feedback", values=values,
+        parts=LazySequence(lambda: (Part(block[:1], "acknowledgement", "*"), *parts)), kept={},
     )  # fmt: skip
 
 
@@ -360,9 +396,11 @@ class LoopWords:
     """One stay in RealTime."""
 
     def __init__(self, layout: Layout, known: bool) -> None:
-        self._layout = layout
+        self._control_size, self._feedback_size = layout.control_size, layout.feedback_size
+        self._control = lru_cache(MOST_KNOWN)(partial(control_piece, BlockWords(layout, control=True)))
+        self._feedback = lru_cache(MOST_KNOWN)(partial(feedback_piece, BlockWords(layout, control=False)))
         self._known = known
-        self._out = bytearray()
+        self._out = b""
         self._asked: deque[tuple[str, bool]] = deque(maxlen=64)
         self._count = 0
         self.leaving = False
@@ -370,43 +408,36 @@ class LoopWords:
     @property
     def summary(self) -> str:
         """``control 9 bytes, feedback 21 bytes``, and whether the flags were seen."""
-        sizes = f"control {self._layout.control_size} bytes, feedback {self._layout.feedback_size} bytes"
+        sizes = f"control {self._control_size} bytes, feedback {self._feedback_size} bytes"
         return sizes + ("" if self._known else " (factory flags, because none were read before)")
 
     def flush(self) -> list[ExplainedBytes]:
         """What is left of an unfinished block."""
-        raw = bytes(self._out)
-        self._out.clear()
+        raw, self._out = self._out, b""
         return [stray(HOST, raw, "an unfinished control block", "cut-short")] if raw else []
 
     def host(self, data: bytes) -> tuple[list[ExplainedBytes], bytes]:
         """Blocks from the host, and what follows a ^C."""
-        self._out += data
-        pieces = []
-        while self._out and not self.leaving:
-            header = self._out[0]
+        data, pieces = self._out + data, []
+        while data and not self.leaving:
+            header = data[0]
             if header == LEAVE:
                 pieces.append(ExplainedBytes(direction=HOST, raw=b"\x03", meaning="^C: leave RealTime", asks="leave"))
-                del self._out[:1]
-                self.leaving = True
+                data, self.leaving = data[1:], True
             elif chr(header) in "CcAa":
-                size = self._layout.control_size if chr(header) in "Cc" else 1
-                if len(self._out) < size:
+                size = self._control_size if chr(header) in "Cc" else 1
+                if len(data) < size:
                     break
-                block = bytes(self._out[:size])
-                del self._out[:size]
+                block, data = data[:size], data[size:]
                 self._count += 1
                 key = f"block {self._count}"
                 self._asked.append((key, chr(header) in "CA"))
-                pieces.append(control_piece(self._layout, block, key))
+                pieces.append(self._control(block).keyed(asks=key))
             else:
-                raw = bytes(self._out)
-                self._out.clear()
-                why = f"{shown(raw)}: not the start of a block. The hand leaves RealTime with ERR 2048"
-                pieces.append(stray(HOST, raw, why, "bad-block"))
-        rest = bytes(self._out) if self.leaving else b""
-        if self.leaving:
-            self._out.clear()
+                why = f"{shown(data)}: not the start of a block. The hand leaves RealTime with ERR 2048"
+                pieces.append(stray(HOST, data, why, "bad-block"))
+                data = b""
+        self._out, rest = (b"", data) if self.leaving else (data, b"")
         return pieces, rest
 
     def device(self, data: bytes) -> tuple[list[ExplainedBytes], bytes, bool]:
@@ -426,13 +457,13 @@ class LoopWords:
                 data = data[len(raw) :]
                 continue
             key, full = self._asked[0]
-            size = self._layout.feedback_size if full else 1
+            size = self._feedback_size if full else 1
             if len(data) < size:
                 return pieces, data, False
             self._asked.popleft()
             block, data = data[:size], data[size:]
             if size > 1:
-                pieces.append(feedback_piece(self._layout, block, key))
+                pieces.append(self._feedback(block).keyed(answers=key))
             else:
                 pieces.append(ExplainedBytes(direction=DEVICE, raw=block, meaning="* acknowledgement", answers=key))
         return pieces, data, False

@@ -17,6 +17,7 @@ from functools import cache, partial
 from operator import getitem
 
 from handctl.devices.ekso.frames import (
+    BEGIN,
     EXCHANGES,
     LENGTH_MODES,
     OVERHEAD,
@@ -53,6 +54,7 @@ LONGEST = max(size for row in EXCHANGES.values() for size in row.answers) + OVER
 BYTES = {"time": ("hours", "minutes", "seconds"), "date": ("year - 2000", "month", "day")}
 WRITING = SET_VALUE, CANCEL_ACTION = int(Command.SET_VALUE), int(Command.CANCEL_ACTION)
 """What is answered by a status word. As plain numbers: a recording has millions to compare, and an enum's members take their time."""
+WAITING = Cut(0, "waiting")
 Explained = tuple[str, Values, Sequence[Part]]
 """A body in words, its values, its parts."""
 
@@ -93,10 +95,13 @@ class EksoExplainer(Cutter):
 
     def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer."""
-        alike = self._alike.get((direction, self._mode, data[:2], len(data)))
-        if alike is None or self._buffers[direction] or data == self._asked or crc(data):
+        held = self._buffers[direction]
+        whole = bytes(held) + data if held else data
+        alike = self._alike.get((direction, self._mode, whole[:2], len(whole)))
+        if alike is None or whole == self._asked or crc(whole):
             return super().feed(direction, data)
-        return [self._another(alike, data)]
+        held.clear()
+        return [self._another(alike, whole)]
 
     def _another(self, alike: ExplainedBytes, raw: bytes) -> ExplainedBytes:
         """A frame that differs from one told before in msgID and body only."""
@@ -116,7 +121,9 @@ class EksoExplainer(Cutter):
         first = self._at(buffer, 0, side)
         if first is not None and not first.problem:
             return first
-        for place in range(1, min(len(buffer), LONGEST) if first is not None else len(buffer)):
+        place, end = 0, LONGEST if first is not None else len(buffer)
+        while begins := BEGIN.search(buffer, place + 1, end):
+            place = begins.start()
             found = self._at(buffer, place, side)
             if found is None or (found.problem and (first is not None or final)):
                 continue
@@ -125,34 +132,26 @@ class EksoExplainer(Cutter):
         if first is None:
             return Cut(len(buffer), "stray")
         if first.problem == "waiting":
-            return Cut(len(buffer), "cut-short") if final else Cut(0, "waiting")
+            return Cut(len(buffer), "cut-short") if final else WAITING
         return first
 
     def _at(self, buffer: bytearray, place: int, side: str) -> Cut | None:
         """The data at `place`: a frame, one with a wrong CRC or length, an incomplete one ("waiting"), or nothing."""
         if buffer[place] not in EXCHANGES:
             return None
-        view = bytes(buffer[place : place + LONGEST])
-        if len(view) < 4:
-            return Cut(0, "waiting")
-        sizes = _sizes(view[0], side)
-        likely = view[1] - LENGTH_MODES.get(self._mode, 0)
-        if likely in sizes and len(view) >= likely + OVERHEAD and crc(view[: likely + OVERHEAD]) == 0:
-            return Cut(likely + OVERHEAD, "", self._mode)  # as all frames before it
-        readings = [
-            (mode, view[1] - LENGTH_MODES[mode]) for mode in sorted(LENGTH_MODES, key=lambda name: name != self._mode)
-        ]
-        readings = [(mode, size) for mode, size in readings if 0 <= size <= LONGEST - OVERHEAD]
-        waits = False
+        there, sizes = len(buffer) - place, _sizes(buffer[place], side)
+        if there < 4:
+            return WAITING
+        readings, waits = _readings(self._mode, buffer[place + 1]), False
         for mode, size in readings:
             total = size + OVERHEAD
-            if len(view) < total:
+            if there < total:
                 waits = waits or size in sizes
-            elif crc(view[:total]) == 0:
+            elif crc(bytes(buffer[place : place + total])) == 0:
                 return Cut(total, "" if size in sizes else "bad-length", mode)
         if waits:
-            return Cut(0, "waiting")
-        fitting = [(mode, size) for mode, size in readings if size in sizes and size + OVERHEAD <= len(view)]
+            return WAITING
+        fitting = [(mode, size) for mode, size in readings if size in sizes and size + OVERHEAD <= there]
         return Cut(fitting[0][1] + OVERHEAD, "bad-checksum", fitting[0][0]) if fitting else None
 
     def side_of(self, raw: bytes, cut: Cut) -> str:
@@ -210,6 +209,13 @@ def _parts(raw: bytes, mode: str, answer: bool, inner: Sequence[Part]) -> Iterat
     yield Part(raw[2:4], "msgID", str(int.from_bytes(raw[2:4], "big")))
     yield from inner
     yield Part(raw[-2:], "CRC", f"wrong, should be {crc(raw[:-2]):04X}" if crc(raw) else "right")
+
+
+@cache
+def _readings(met: str, length: int) -> Sequence[tuple[str, int]]:
+    """(convention, size of the body) that a length byte may mean: the one that was met first."""
+    modes = sorted(LENGTH_MODES, key=lambda name: name != met)
+    return [(mode, size) for mode in modes if 0 <= (size := length - LENGTH_MODES[mode]) <= LONGEST - OVERHEAD]
 
 
 @cache

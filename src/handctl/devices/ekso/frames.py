@@ -222,7 +222,7 @@ ORDERS = {
     met: sorted(LENGTH_MODES.items(), key=lambda item: (item[0] != met, -item[1])) for met in (None, *LENGTH_MODES)
 }
 """Conventions in the order they are tried, by the one met before."""
-_BEGIN = re.compile(b"[%s]" % re.escape(bytes(EXCHANGES)))
+BEGIN = re.compile(b"[%s]" % re.escape(bytes(EXCHANGES)))
 
 
 class Decoder(Stream[Frame]):
@@ -269,7 +269,7 @@ class Decoder(Stream[Frame]):
                 self.mode = mode
                 return Frame(data[0], int.from_bytes(data[2:4], "big"), data[4:-2], mode, data)
         keep, at = len(self._buffer), -1
-        while place := _BEGIN.search(self._buffer, at + 1):
+        while place := BEGIN.search(self._buffer, at + 1):
             at = place.start()
             found = self._look(at)
             if isinstance(found, Frame):

@@ -210,6 +210,10 @@ class RegisterBus(Line, ABC):
         """Whether a device of this maker has answered a read here."""
         return bool(self._met)
 
+    def again(self, journal: Journal) -> bool:
+        """See Device: whether nothing is left of what was asked before."""
+        return False
+
     @abstractmethod
     def read(self, address: int, count: int, *, retries: int | None = None) -> bytes:
         """`count` bytes from `address`. Raises UsageError, NoAnswer, ProtocolError, LinkError."""
@@ -328,9 +332,14 @@ class ByteBus(RegisterBus):
     link: ByteLink
     _rest = b""
     """What came behind the last accepted frame: perhaps a frame that the device sends by itself."""
+    _empty = False
+    """Whether unread input was discarded a moment ago."""
 
     def drain(self) -> bytes:
         """Discard unread input, such as late replies. Returns and counts it."""
+        if self._empty:
+            self._empty = False
+            return b""
         stale, self._rest = self._rest, b""
         while len(stale) <= MOST and (chunk := self.link.read(self.link.at_once)):
             stale += chunk

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
+from types import MappingProxyType
 from typing import TypeVar
 
 from handctl.devices.inspire.duplicate_id import refuse_duplicate_id
@@ -46,7 +47,7 @@ from handctl.model.movement import (
 )
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.prompts import Prompts
-from handctl.model.result import Column, Finding, Row, Table, hex_bytes
+from handctl.model.result import Column, Finding, Journal, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
 from handctl.model.stop_sequence import Stopped
 from handctl.wording import plural
@@ -161,7 +162,7 @@ class BlockReader:
 
     def _groups(self, block: Block, memory: Memory) -> None:
         for group in block.groups:
-            if memory.bytes_at(group.address, len(group.span)) is not None:
+            if memory.blocks and memory.bytes_at(group.address, len(group.span)) is not None:
                 continue
             try:
                 self._group(group, memory)
@@ -269,6 +270,7 @@ class RegisterDevice(Device):
     save_result = "the result is not documented for this hand"
     """Why the result of a save may stay out."""
     speed_source = "exo §2.3.2"
+    no_value = MappingProxyType({"raw": None})
     columns = (
         Column("name", "Name"),
         Column("finger", "Finger"),
@@ -282,10 +284,16 @@ class RegisterDevice(Device):
     def __init__(self, bus: RegisterBus) -> None:
         super().__init__(bus)
         self.bus = bus
+        if bus.gate is not None and bus.gate.assumed:
+            self.product = ""  # nobody has looked
         self._reader = BlockReader(bus)
         self.last_blocks: list[tuple[int, bytes]] = []
         self._moving = False
         """Whether this command has set something going: a stop is for that, whichever write it meets."""
+
+    def again(self, journal: Journal) -> bool:
+        self.about = {}
+        return (self.bus.gate is None or not self.bus.gate.passed) and self.bus.again(journal)
 
     def identity(self) -> dict[str, object]:
         """The identity of this device. The manuals document no serial number, model or firmware register."""
@@ -318,7 +326,7 @@ class RegisterDevice(Device):
         return super().lacks(error) and not self._reader.in_doubt
 
     def read(self, elements: Sequence[Element]) -> list[Reading]:
-        registers = {element.param.name: register_of(element) for element in elements}
+        registers: dict[str, Register] = {one.param.name: one.param for one in elements}  # type: ignore[misc]
         memory, gate = Memory(), self.bus.gate
         try:
             self._reader.read(registers.values(), memory)
@@ -334,21 +342,15 @@ class RegisterDevice(Device):
         return [_reading(element, memory) for element in elements]
 
     def element_keys(self, element: Element) -> Row:
-        register = register_of(element)
+        register: Register = element.param  # type: ignore[assignment]
         return {
             "name": register.name,
             "finger": element.part,
             "address": register.address_of(element.index) // register.per,
         }
 
-    def row(self, reading: Reading) -> Row:
-        row = super().row(reading)
-        if self.bus.gate is not None and self.bus.gate.assumed and self.about.get("model") == self.product:
-            del self.about["model"]  # nobody has looked
-        return {**row, "raw": None} if "error" in row else row
-
     def value_keys(self, reading: Reading) -> Row:
-        register = register_of(reading.element)
+        register = reading.element.param
         assert reading.value is not None
         label = register.label(reading.value)
         if register.note and (label is None or reading.value):
@@ -582,7 +584,7 @@ class RegisterDevice(Device):
 
 
 def _reading(element: Element, memory: Memory) -> Reading:
-    register = register_of(element)
+    register: Register = element.param  # type: ignore[assignment]
     data = memory.bytes_at(register.address_of(element.index), register.size)
     if data is None:
         error = memory.errors.get(register.name) or NoAnswer(f"{register.name} was not read")

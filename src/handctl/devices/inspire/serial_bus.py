@@ -16,7 +16,7 @@ from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.result import hex_bytes, hex_shown
+from handctl.model.result import Journal, hex_bytes, hex_shown
 from handctl.wording import plural
 
 SILENCE_HINT = (
@@ -216,6 +216,11 @@ class SerialBus(ByteBus):
     """The wait for an answer ended while it was arriving: what comes next is perhaps its rest."""
 
     # -- registers -----------------------------------------------------------------------------------------------
+
+    def again(self, journal: Journal) -> bool:
+        self.journal, self._rest, self._empty = journal, b"", not self.link.replayed
+        self._met.clear()
+        return not (self._disturbed or self._slow)
 
     def read(self, address: int, count: int, *, device_id: int | None = None, retries: int | None = None) -> bytes:
         """`count` bytes (1..252) from `address` (exo §2.2.3). Raises UsageError, NoAnswer, ProtocolError, LinkError."""

@@ -12,9 +12,11 @@ place in the stream only, never searched for.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
+from struct import Struct
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import DISTURBED, PROMPT
@@ -39,8 +41,16 @@ FEEDBACK = {
     "analog": "LFAIN",
 }
 """What a feedback block may carry per motor, in wire order: name -> flag (barrett §6.2.2; the last two from 4.4 on)."""
-_SIZE = {"velocity": 1, "gain": 1, "strain": 1, "position": 2, "delta": 1, "breakaway_position": 2, "analog": 1}
-_SIGNED = ("velocity", "delta")
+FORMS = {
+    "velocity": "b",
+    "gain": "B",
+    "strain": "B",
+    "position": "H",
+    "delta": "b",
+    "breakaway_position": "H",
+    "analog": "B",
+}
+"""How `struct` calls the number of each."""
 POSITIONS = ("position", "breakaway_position")
 UNITS = {"position": "cts", "delta": "cts", "breakaway_position": "cts"}
 LIMITS = {"velocity": (-127, 127), "gain": (0, 255)}
@@ -57,16 +67,7 @@ class Selection(NamedTuple):
     delta_divisor: int = 1
 
 
-class Field(NamedTuple):
-    """One value of a block: of which motor, which, its bytes, and the number that they are."""
-
-    motor: int
-    name: str
-    raw: bytes
-    value: int
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Layout:
     """The structure of the blocks, frozen when the loop is entered.
 
@@ -77,15 +78,35 @@ class Layout:
     motors: Mapping[int, Selection]
     temperature: int = 0
 
+    @cached_property
+    def control_names(self) -> Sequence[tuple[int, str]]:
+        """Motor and name of each value of a control block with data, in its order."""
+        return [(index, name) for index, motor in self.motors.items() for name in motor.control]
+
+    @cached_property
+    def feedback_names(self) -> Sequence[tuple[int, str]]:
+        """The same of a feedback block, without the temperature."""
+        return [(index, name) for index, motor in self.motors.items() for name in motor.feedback]
+
+    @cached_property
+    def control_form(self) -> Struct:
+        """The values of a control block with data, behind its header."""
+        return Struct(">x" + "".join(FORMS[name] for _, name in self.control_names))
+
+    @cached_property
+    def feedback_form(self) -> Struct:
+        """The same of a feedback block, the temperature last."""
+        return Struct(">x" + "".join(FORMS[name] for _, name in self.feedback_names) + ("", "B", "h")[self.temperature])
+
     @property
     def control_size(self) -> int:
         """Bytes of a control block with data, header included."""
-        return 1 + sum(len(motor.control) for motor in self.motors.values())
+        return self.control_form.size
 
     @property
     def feedback_size(self) -> int:
         """Bytes of a feedback block, `*` included."""
-        return 1 + sum(_SIZE[name] for motor in self.motors.values() for name in motor.feedback) + self.temperature
+        return self.feedback_form.size
 
     def control(self, values: Mapping[int, Mapping[str, int]], *, feedback: bool = True) -> bytes:
         """A control block with data: motor index -> {"velocity": -127..127, "gain": 0..255}. Raises UsageError."""
@@ -96,26 +117,23 @@ class Layout:
                 block.append(value & 0xFF)
         return bytes(block)
 
-    def fields(self, block: bytes, *, control: bool = False) -> Iterator[Field]:
-        """The values of a whole block with data, without the temperature."""
-        place = 1
-        for index, motor in self.motors.items():
-            for name in motor.control if control else motor.feedback:
-                raw = block[place : place + _SIZE[name]]
-                place += len(raw)
-                value = int.from_bytes(raw, "big", signed=name in _SIGNED)
-                yield Field(index, name, raw, with_sign(index, value) if name in POSITIONS else value)
-
     def decode(self, block: bytes) -> Feedback:
         """The values of a whole feedback block."""
         motors: dict[int, dict[str, int]] = {index: {} for index in self.motors}
-        for index, name, _, value in self.fields(block):
-            motors[index][name] = value
-        temperature = None
-        if self.temperature:
-            number = int.from_bytes(block[-self.temperature :], "big", signed=self.temperature == 2)
-            temperature = number if self.temperature == 2 else number * 10
-        return Feedback(motors, temperature)
+        numbers = self.feedback_form.unpack(block)
+        for (index, name), number in zip(self.feedback_names, numbers, strict=False):
+            motors[index][name] = number_of(index, name, number)
+        return Feedback(motors, tenths_of(numbers[-1], self.temperature) if self.temperature else None)
+
+
+def number_of(index: int, name: str, number: int) -> int:
+    """What a number of a block means: positions are sent as words without a sign."""
+    return with_sign(index, number) if name in POSITIONS else number
+
+
+def tenths_of(number: int, size: int) -> int:
+    """The temperature of a block in 0.1 °C; one byte has whole degrees."""
+    return number if size == 2 else number * 10
 
 
 class Feedback(NamedTuple):

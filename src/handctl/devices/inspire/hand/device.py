@@ -33,7 +33,7 @@ from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, Protocol
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
 from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
-from handctl.model.result import Cell, Finding, Grid, Row, Table
+from handctl.model.result import Cell, Finding, Grid, Journal, Row, Table
 from handctl.model.stop_sequence import StopContext
 
 LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "status", "temperature")
@@ -109,6 +109,9 @@ class Hand(RegisterDevice):
     def setpoint_pairs(self) -> Sequence[SetpointPair]:  # type: ignore[override]
         """Which way the angles of an RH5DG2 grow is not known (rh56 §3.2)."""
         return [one._replace(closing=0) for one in SETPOINT_PAIRS] if self._known == DG2 else SETPOINT_PAIRS
+
+    def again(self, journal: Journal) -> bool:
+        return False  # each command finds out which generation answers
 
     def identity(self) -> dict[str, object]:
         """The identity of this device: the hand has no register for model, side or serial number (rh56 §1)."""
