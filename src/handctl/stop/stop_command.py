@@ -183,7 +183,7 @@ def _take_over(run: Run, told: dict[str, Any]) -> None:
     for one in told.get("wire", ()):
         step = Step(one["meaning"], bytes.fromhex(one["data"]), moves=True, can_id=one["can_id"])
         run.ledger.plan([step])
-        with run.ledger.repeating():
+        with run.ledger.stopping():
             for _ in range(one["times"]):
                 run.ledger.passed(0.0, ">", step.data, step.can_id)
         run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
