@@ -161,8 +161,8 @@ ROWS = (
         "stop not sent",
         "handctl.tools.stop",
         "cli",
-        "return _other_stopped(run, table) or table",
-        "return table",
+        "return table if table is not None and not _missed(table) else _other_stopped(run, kind, table)",
+        "return table if table is not None else _other_stopped(run, kind, table)",
         "tests/stop/test_whose.py::test_another_device_than_the_last_one_is_stopped",
     ),
     mistake(
