@@ -243,6 +243,8 @@ class NotConfirmed(HandctlError):
     default_code = "not-confirmed"
 
 
+OTHER_DEVICE = "other-device"
+"""Code of the error where a device of another family has replied."""
 STOPPED = "stopped"
 """Code of what another process, or the stop key, has stopped: no Ctrl-C."""
 

@@ -63,6 +63,7 @@ class FamilyRow:
     options   those that only this family has
     facts     fact of its `proofs` -> the setting that it stands for, and what each value of the fact makes of that ("" = nothing);
               of words alone each is the value of the setting, too
+    silent    its device may reply to nothing while it moves, or to its stop alone: no question finds it then
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -75,6 +76,7 @@ class FamilyRow:
     tell: int = 100
     options: tuple[OwnOption, ...] = ()
     facts: dict[str, tuple[str, dict[str, str] | tuple[str, ...]]] = field(default_factory=dict)
+    silent: bool = False
     trigger: tuple[int, bytes] | None = None
 
     def module(self, role: str) -> str:
@@ -115,6 +117,7 @@ FAMILIES: dict[str, FamilyRow] = {
         codec="handctl.devices.barrett.gcl.codec",
         scan=4,
         tell=4,
+        silent=True,  # only ^C ends a movement early (§5.5)
         facts=dict.fromkeys(
             ("position-sign", "position-at-stop"), ("position_sign", ("signed", "unsigned", "clamped"))
         ),
@@ -153,6 +156,7 @@ FAMILIES: dict[str, FamilyRow] = {
         tcp_port=8000,
         scan=5,
         tell=3,
+        silent=True,  # one that speaks only when it is commanded, see `exchange`
         facts={
             "exchange": ("exchange", ("stream", "poll")),
             "request-terminator": ("tx_terminator", ("newline", "none", "nul", "crlf")),

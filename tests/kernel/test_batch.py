@@ -222,6 +222,12 @@ def test_no_script_is_a_usage_error(tmp_path: Path) -> None:
     assert run("batch", tmp_path / "bytes").code == 2
 
 
+@each_row("line", ["sleep", "sleep nan", "sleep 1 2", "sleep --none 1"])
+def test_the_next_step_for_a_word_of_its_own_is_no_command_that_does_not_exist(line: str) -> None:
+    result = run("batch", "--json", stdin=line)
+    assert (result.code, ends(result)[-1]["end"]["messages"][-1]["hint"]) == (2, "Write it as `sleep S`."), result
+
+
 def test_tools_may_stand_between() -> None:
     result = batch(GET, "devices list", "stop", "scan", GET, more=("--json",))
     assert result.code == 0, result

@@ -6,7 +6,12 @@ from collections.abc import Hashable, Iterable, Sequence
 
 import pytest
 
+from handctl.devices.barrett.explain_bytes import words
+from handctl.link import open_link
+from handctl.link.transcript import observed
+from handctl.model.command_settings import Settings
 from handctl.model.param import Step
+from handctl.model.stop_sequence import StopContext, run_stop, stop_sequence_of
 from handctl.model.write_ledger import Frame, Ledger
 from handctl.wording import honest
 
@@ -152,6 +157,37 @@ def test_the_rest_of_a_movement_is_never_to_be_sent_on_its_own() -> None:
         pass_all(found, ">W1")
         assert last in found.text()[-1]
     assert "then send" not in "".join(movement.text())
+
+
+def test_the_steps_of_a_stop_are_no_remaining_steps() -> None:
+    """One that could not be sent is told, and not as part of the movement; one that was interrupted was not needed."""
+    found = ledger(b"W1", b"W2")
+    pass_all(found, ">W1")
+    with found.stopping():
+        found.plan([Step("stop", b"WS", moves=True)])
+    assert states(found)[1:] == [("W2", "not-sent"), ("WS", "not-sent")]
+    assert "(step 2)" in found.text()[-1], found.text()
+    alone = ledger(b"W1")
+    pass_all(alone, ">W1")
+    with pytest.raises(KeyboardInterrupt), alone.stopping():
+        alone.plan([Step("stop", b"WS", moves=True)])
+        raise KeyboardInterrupt
+    assert states(alone) == [("W1", "sent")]
+
+
+def test_a_second_stop_is_planned_on_no_link_that_sends_nothing_more() -> None:
+    """The device was stopped at the request of another command, whose steps are all there."""
+    link = open_link("fake://barrett?initialized=1&clock=virtual", baud=9600)
+    found = Ledger()
+    found.words = words()
+    observed(link, found)
+    context = StopContext(Settings(), speed=9600)
+    run_stop(link, stop_sequence_of("barrett", context), ledger=found)
+    before = found.rows()
+    link.block_sending()
+    with pytest.raises(KeyboardInterrupt):
+        run_stop(link, stop_sequence_of("barrett", context), ledger=found)
+    assert found.rows() == before and [row["state"] for row in before] == ["confirmed"] * 2
 
 
 def test_a_plan_told_twice_is_one_plan() -> None:

@@ -31,13 +31,22 @@ class Bench:
 
     def __init__(self, patch: pytest.MonkeyPatch) -> None:
         self.there = ""
+        self.first = b""
+        """What somebody else has sent to the device before."""
         self.asked: list[float] = []
         patch.setattr(connection, "open_link", self._open)
         patch.setattr(stop, "open_link", self._ask)
 
     def _open(self, name: str, **options: Any) -> Link:
-        link = name if name.startswith("fake://") else f"fake://{self.there}clock=virtual"
-        return open_link(link, baud=options.get("baud"))
+        place = name if name.startswith("fake://") else f"fake://{self.there}clock=virtual"
+        link = open_link(place, baud=options.get("baud"))
+        if self.first and isinstance(link, ByteLink):
+            link.set_baud(9600)
+            for line in self.first.splitlines(keepends=True):
+                link.write(line, link.deadline(1.0))
+                link.read(link.deadline(0.1))
+            link.set_baud(options.get("baud") or 115200)
+        return link
 
     def _ask(self, name: str, **options: Any) -> Link:
         link = self._open(name, **options)
@@ -150,9 +159,72 @@ def test_who_answers_tells_the_family(family: str, bench: Bench) -> None:
 def test_where_nobody_answers_the_next_step_is_said(family: str, bench: Bench) -> None:
     bench.there, bench.asked = f"{family}?fault=silent&", []
     result = run("stop", "-p", at(family), "--json")
-    assert result.code == 2 and result.error["code"] == "no-family", result
+    assert result.code == 4 and result.error["code"] == "no-family", result
+    assert "03" in [row["bytes"] for row in result.rows], "a BarrettHand that moves replies to nothing else"
     assert f"handctl FAMILY stop -p {at(family)}" in result.error["hint"] and bench.asked[0] <= stop.SECONDS + 0.05
-    assert run("stop", "-p", "replay:/nothing", "--json").error["code"] == "no-family"
+    for words in (("-p", "replay:/nothing"), ("-p", at(family), "-n")):
+        unsent = run("stop", *words, "--json")
+        assert (unsent.code, unsent.error["code"]) == (2, "no-family") and not unsent.json["counters"]["sent"], unsent
+
+
+MOVING = "barrett?initialized=1&"
+
+
+@each_row("before", ["nothing", "a command that failed", "a command that reached it", "a name", "a name and -d"])
+@each_row("family", [family for family in FAMILIES if family not in ("barrett", "aidin")])
+def test_a_hand_that_moves_and_replies_to_its_stop_alone_is_stopped(
+    family: str, before: str, bench: Bench, tmp_path: Path
+) -> None:
+    """A BarrettHand is silent until its movement ends. What is kept of the port, or its name, may be out of date."""
+    path = tmp_path / "config.toml"
+    path.write_text(f"[devices.left]\nkind = '{family}'\nport = '{PORT}'\n" if before.startswith("a name") else "")
+    if before == "a command that reached it":
+        bench.there = f"{family}?"
+        assert run(family, "status", "-p", PORT).code in (0, 7)
+    bench.there, bench.first = MOVING, b"FSET MCV 16\rC\r"
+    if before == "a command that failed":
+        assert run(family, "status", "-p", PORT).code in (4, 5)
+        assert last_family(PORT) == "", "it has not met a device of its family"
+    where = ("-d", "left") if before == "a name and -d" else ("-p", PORT)
+    result = run("stop", *where, "--json", env={"HANDCTL_CONFIG": str(path)})
+    assert (result.code, result.json["device"]["kind"]) == (0, "barrett"), result
+    last = [(row["bytes"], row["answer"]) for row in result.rows[-2:]]
+    assert [wire for wire, _ in last] == ["03", "54 0D"] and b"ERR 16384" in bytes.fromhex(last[0][1]), result
+    assert [write["state"] for write in result.json["writes"][-2:]] == ["confirmed"] * 2
+    assert last_family(PORT) == "barrett"
+
+
+def test_what_reads_what_failed_and_what_wrote_tell_the_family_as_they_should(bench: Bench) -> None:
+    """Only a device that was met, or written to, is of the family of its command; a stop shows it by its acknowledgement."""
+    for command, there, kept in (
+        (("exo", "status"), "exo?fault=silent&", ""),
+        (("exo", "stop"), "exo?fault=silent&", ""),
+        (("exo", "status"), "hand?", ""),
+        (("ekso", "status"), "ekso?", "ekso"),
+        (("exo", "stop"), "barrett?", "ekso"),
+        (("wrist", "scan"), "barrett?", "ekso"),
+        (("exo", "stop"), "exo?", "exo"),
+    ):
+        bench.there = there
+        run(*command, "-p", PORT)
+        assert last_family(PORT) == kept, (command, there)
+
+
+@each_row("named", ["barrett", "exo", "wrist", "hand", "ekso"])
+def test_a_name_of_another_family_refuses_no_stop(named: str, bench: Bench, tmp_path: Path) -> None:
+    """The device that is found is stopped, and the result says which it is."""
+    path = tmp_path / "config.toml"
+    ids = "id = 1\n" if named in ("exo", "wrist", "hand") else ""
+    path.write_text(f"[devices.left]\nkind = '{named}'\nport = '{PORT}'\n{ids}")
+    there = "exo" if named == "ekso" else "ekso"
+    bench.there = f"{there}?"
+    result = run("stop", "-d", "left", "--json", env={"HANDCTL_CONFIG": str(path)})
+    wanted = run(there, "stop", "--json", "-p", f"fake://{there}?clock=virtual")
+    assert (result.code, result.json["device"]["kind"]) == (wanted.code, there), result
+    assert [row["bytes"] for row in result.rows][-len(wanted.rows) :] == [row["bytes"] for row in wanted.rows]
+    assert "other-device" in result.codes() and result.json["writes"][-1]["state"] == "confirmed"
+    sent = [write for write in result.json["writes"] if write["next"]]
+    assert all(f"handctl {there}" not in write["next"] for write in sent), "each step in the words of its own family"
 
 
 SERIAL = [family for family in FAMILIES if family != "aidin"]

@@ -26,6 +26,7 @@ from handctl.tools.scan_link import plan
 from handctl.tools.scan_report import Step
 from tests.support import bus_file
 from tests.support.cli import Result, Simulator, run, sent
+from tests.support.each_row import each_row
 from tests.support.machine import System
 
 
@@ -129,6 +130,46 @@ def test_nothing_that_is_sent_writes_or_moves(tmp_path: Path) -> None:
                 or (data[0] == 150 and len(data) == 6)
                 or (data[1:2] == b"\x03" and len(data) == 8)  # Modbus RTU, function 03
             ), data
+
+
+def bytes_at(trace: Path) -> list[tuple[int, bytes]]:
+    """What was sent, and at which speed."""
+    speed, found = 115200, []
+    for line in trace.read_text().splitlines()[1:]:
+        _, mark, rest = line.split(" ", 2)
+        if mark == "!" and rest.startswith("baud"):
+            speed = int(rest.removeprefix("baud "))
+        elif mark == ">":
+            found.append((speed, bytes.fromhex(rest)))
+    return found
+
+
+@each_row("command", ["scan", "exo scan", "wrist scan", "hand scan"])
+@each_row("more", ["--all", "--baud 19200", "--baud 38400"])
+def test_no_id_ends_a_movement_of_a_barrett_hand_unless_it_was_typed(command: str, more: str, tmp_path: Path) -> None:
+    """3 is ^C and 13 is CR to a hand that listens at this speed: they are left out, and one note says what to type."""
+    trace = tmp_path / "trace"
+    silent = ("-p", "fake://exo?fault=silent&clock=virtual", "--trace", str(trace), "--json")
+    answer = run(*command.split(), *silent, *more.split())
+    slow = [data for speed, data in bytes_at(trace) if speed <= 38400 and b"\xeb\x90" in data]
+    assert answer.code == 4 and len(slow) > 250, (answer, len(slow))
+    assert not [data for data in slow if {0x03, 0x0D} & set(data)]
+    (note,) = [
+        message for message in answer.json["messages"] if message["code"] == "not-asked" and message["level"] == "info"
+    ]
+    assert "--ids 3,13" in note["hint"]
+    typed = run(*command.split(), *silent, *more.split(), "--ids", "3,13")
+    asked = {data[data.index(b"\x90") + 1] for speed, data in bytes_at(trace) if speed <= 38400 and b"\xeb\x90" in data}
+    assert {3, 13} <= asked and not [
+        message for message in typed.json["messages"] if message["code"] == "not-asked" and message["level"] == "info"
+    ]
+
+
+def test_an_id_that_was_left_out_is_found_where_it_was_typed() -> None:
+    link = "fake://exo?id=13&baud=19200&clock=virtual"
+    assert looked(link).code == 4
+    assert found(looked(link, "--ids", "3,13")) == [("exo", 19200, 13)]
+    assert found(looked("fake://exo?id=13&clock=virtual")) == [("exo", 115200, 13)], "no BarrettHand hears that"
 
 
 def heard(data: bytes, sent_at: int, heard_at: int) -> bytes:

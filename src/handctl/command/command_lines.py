@@ -56,6 +56,8 @@ class ScriptLine(NamedTuple):
         if self.leaf.offline and run.outputs:
             return Asked()  # it writes its files where it stands
         check_before(run)
+        if self.leaf.stops:
+            return Asked()  # it asks nothing, and would begin by asking who has the device
         with suppress(_UsesDeviceError):
             if isinstance(made := self.leaf.body(run)(), PlannedAction):
                 return made.asked
@@ -140,7 +142,12 @@ def parse_line(words: Sequence[str], given: Mapping[str, Any], number: int = 0) 
             "no command", hint=f"`{exc.ctx.command_path if exc.ctx else 'handctl'} -h` lists them"
         ) from exc
     except click.UsageError as exc:
-        raise from_click(exc) from exc
+        error = from_click(exc)
+        if exc.ctx is not None and exc.ctx.command in root.in_lines.values():  # `handctl sleep -h` is no command
+            arguments = [one for one in exc.ctx.command.params if isinstance(one, click.Argument)]
+            words = " ".join((str(exc.ctx.info_name), *(one.make_metavar(exc.ctx) for one in arguments)))
+            error.hint = f"write it as `{words}`"
+        raise error from exc
 
 
 def options_for_lines(context: click.Context) -> dict[str, Any]:

@@ -178,11 +178,13 @@ class Session:
 
     command  in whose name they are locked
     writes   whether any of the commands may write
+    began    when all of them were asked for, by `clock.now`; None where each is for itself
     """
 
-    def __init__(self, command: str, *, writes: bool) -> None:
+    def __init__(self, command: str, *, writes: bool, began: float | None = None) -> None:
         self.command = command
         self.writes = writes
+        self.began = began
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
         self._open: dict[Hashable, Connection] = {}  # by `_key`

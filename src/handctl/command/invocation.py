@@ -18,6 +18,7 @@ from handctl.errors import Hint, OutputError, UsageError
 from handctl.files import why_unwritable
 from handctl.model.command_settings import Settings
 from handctl.model.result import Journal, Message
+from handctl.system import clock
 from handctl.system.user_folders import config_path
 from handctl.wording import typed_names
 
@@ -37,6 +38,7 @@ class Invocation:
     context  click's, of the parsed line
     said     what the command line and its levels share
     session  the commands of which this is one, and what they have in common; None for one that stands alone
+    began    when it was asked for, by `clock.now`
     in_use   whether the simulated device of plain --fake is shown in use
     link     once it is open, and `opened` the device behind it
     end      when --deadline has passed, by the clock of the link
@@ -64,6 +66,7 @@ class Invocation:
         self.said = command_line(ctx)
         self.sources = self.said.sources
         self.session = session
+        self.began = clock.now() if session is None or session.began is None else session.began
         self.streams = bool(getattr(ctx.command, "streams", False))
         self.writes = bool(getattr(ctx.command, "writes", False))
         self.stops = bool(getattr(ctx.command, "stops", False))

@@ -29,7 +29,7 @@ from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
 from handctl.command.options import FACTS
 from handctl.command.terminal_prompts import print_writes
-from handctl.errors import HandctlError, Interrupted, NotConfirmed, OutputError, joined
+from handctl.errors import OTHER_DEVICE, HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
 from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Journal, LineQuality, Table
@@ -370,9 +370,19 @@ class Run(Invocation):
         """Let go of the link, unless the next command of a session can use it."""
         for other in self.others:
             failure = other.close(failure)
+        if (access := self.connection.device_access) is not None and self.family is not None and self._met(failure):
+            access.remember(self.family.kind)
         if self.session is not None and self.session.keeps(self.connection, failure, self):
             return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)
+
+    def _met(self, failure: HandctlError | None) -> bool:
+        """Whether the device is of the family that was asked: it replied as one, or has been written to. A stop shows that
+        by its acknowledgement alone."""
+        if self.stops:
+            return self.outcome.table is not None and (self.outcome.table.failure or failure) is None
+        other = failure is not None and failure.code == OTHER_DEVICE
+        return self.journal.ledger.began or (self.journal.counters.received > 0 and not other)
 
     def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The last line of NDJSON."""

@@ -1,9 +1,10 @@
 """The lock of a device: one process at a time, held while a link is open. Its file names the holder.
 
 The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
-holder and its command, and is empty if there is none. The second is the family of the last command that had one. The third
-says until when something may last that a command has started and no command stops; mostly there is none. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are
-one lock. Knows no link's inside.
+holder and its command, and is empty if there is none. The second is the family of the last command that met its device.
+The third says until when something may last that a command has started and no command stops; mostly there is none. Two names
+of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are one lock. A file next to it says when
+the device was stopped last. Knows no link's inside.
 """
 
 from __future__ import annotations
@@ -28,6 +29,10 @@ MOST_LASTING = 120.0
 """Seconds: what is noted for longer is of another start of this computer, whose clock began anew."""
 LIBRARY = "handctl library"
 """The command of a holder that is no command of handctl, but a program that uses the library."""
+
+
+FIELDS = 6
+"""Of a `Holder` in the lock file."""
 
 
 class Holder(NamedTuple):
@@ -73,7 +78,7 @@ class Lock:
 
     def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
-        self._family = _family(descriptor)
+        self._family = _family(descriptor)  # also of one that died with the lock: it may have moved the device
         self._line = "\n"
         self._until = _until(descriptor)
         self.path = path
@@ -81,7 +86,7 @@ class Lock:
 
     def record(self, holder: Holder) -> None:
         """Write the holder to the file. The lock works even if the disk is full."""
-        self._family, self._line = holder.family or self._family, holder.line
+        self._line = holder.line
         try:
             self._write(self._descriptor)
         except OSError as exc:
@@ -100,6 +105,54 @@ class Lock:
 
     def _write(self, descriptor: int) -> None:
         _write(descriptor, self._line, self._family, self._until if self.lasting else 0.0)
+
+    def remember(self, family: str) -> None:
+        """The device is of this family: whoever asks after the release is told so."""
+        self._family = family
+
+    def note_stop(self) -> None:
+        """The device is being stopped: no command that was started before may set it going again. Never raises.
+
+        The file has the moment and the process of the last stop, and below those of the last one by another process.
+        """
+        own_number = str(os.getpid())
+        try:
+            descriptor = os.open(
+                self._stops, os.O_RDWR | os.O_CREAT | disk.NO_LINK | disk.CLOSED_IN_CHILDREN | disk.BINARY, 0o600
+            )
+        except OSError:
+            return
+        try:
+            others = [line for line in _lines(descriptor) if line.split()[1:] not in ([], [own_number])]
+            os.ftruncate(descriptor, 0)
+            text = "".join(f"{line}\n" for line in (f"{clock.now():.6f} {own_number}", *others[:1]))
+            disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
+        except OSError:
+            pass
+        finally:
+            os.close(descriptor)
+
+    def stopped_since(self, began: float) -> bool:
+        """Whether another process has stopped the device after the moment `began` of `clock.now`."""
+        try:
+            descriptor = os.open(self._stops, os.O_RDONLY | disk.NO_LINK | disk.BINARY)
+        except OSError:
+            return False
+        try:
+            stops = [line.split() for line in _lines(descriptor)]
+        except OSError:
+            return False
+        finally:
+            os.close(descriptor)
+        others = [stop[0] for stop in stops if len(stop) == 2 and stop[1] != str(os.getpid())]
+        # The clock starts over when the computer does: what is still to come was before that.
+        return any(began < float(text) <= clock.now() for text in others if text.replace(".", "", 1).isdecimal())
+
+    @property
+    def _stops(self) -> str:
+        """The file beside that of the lock that says when the device was stopped."""
+        folder, name = os.path.split(self.path)
+        return os.path.join(folder, name.replace("lock-", "stopped-", 1))
 
     @property
     def descriptors(self) -> tuple[int, ...]:
@@ -156,7 +209,7 @@ def hold(
 
 
 def last_family(link: str, tcp_port: int | None = None) -> str:
-    """The family of the command that is using the device at `link` or used it last; "" if no lock file says so."""
+    """The family of the command that is using the device at `link`, or died with it, or met it last; "" if no file says so."""
     name = _file_name(canonical(link, tcp_port))
     for folder in private_folders():
         try:
@@ -244,11 +297,13 @@ def _lines(descriptor: int) -> list[str]:
 
 
 def _family(descriptor: int) -> str:
-    """The family of the last command that had one; of a file that was damaged "", or a word that is none."""
+    """The family of the holder, or else of the last command that met its device; of a file that was damaged "", or a word that is none."""
     try:
-        return _lines(descriptor)[1]
+        lines = _lines(descriptor)
     except OSError:
         return ""
+    fields = lines[0].split("\t")
+    return (fields[2] if len(fields) == FIELDS else "") or lines[1]
 
 
 def _until(descriptor: int) -> float:
@@ -262,7 +317,7 @@ def _until(descriptor: int) -> float:
 def _holder(descriptor: int) -> Holder | None:
     """Who wrote into the lock file; None when it died, and its stop goes out, or has not written its own line yet."""
     fields = _lines(descriptor)[0].split("\t")
-    if len(fields) != 6 or not fields[0].isdecimal() or len(fields[0]) > 10:
+    if len(fields) != FIELDS or not fields[0].isdecimal() or len(fields[0]) > 10:
         return None
     pid, start, family, kind, link, command = fields
     if not processes.lives(int(pid)) or start not in ("", processes.began(int(pid))):

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterable
 
-from handctl.errors import DeviceRefused, HandctlError, joined
+from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, joined
 from handctl.families import FAMILIES
 
 
@@ -23,7 +23,7 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
     return DeviceRefused(
         joined(error.text, f"The data contains {next(iter(shown.values()))}: this is another device than {own}"),
         hint=f"use {commands}",
-        code="other-device",
+        code=OTHER_DEVICE,
     )
 
 

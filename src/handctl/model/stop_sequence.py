@@ -198,7 +198,7 @@ def run_stop(
             ledger.plan([step])
 
     try:
-        with ledger.repeating() if ledger is not None else nullcontext():
+        with ledger.stopping() if ledger is not None else nullcontext():
             stopped = exchange_steps(link, sequence, sent, plan, until)
     except HandctlError as exc:
         return Stopped(exc.text, joined("switch the power off if the device still moves", exc.hint), type(exc))

@@ -126,9 +126,10 @@ class RequestReplyRules(ABC, Generic[F]):
 class Write:
     """One step: planned, or seen on the wire, or both."""
 
-    __slots__ = ("can_id", "count", "evidence", "frame", "last", "meaning", "missed", "state")
+    __slots__ = ("can_id", "count", "evidence", "frame", "last", "meaning", "missed", "state", "words")
 
-    def __init__(self, frame: Frame, meaning: str, state: str) -> None:
+    def __init__(self, frame: Frame, meaning: str, state: str, words: WriteRules | None) -> None:
+        self.words = words  # a stop may go on to another device, in the words of its family
         self.frame = frame
         self.meaning = meaning
         self.state = state
@@ -161,6 +162,7 @@ class Ledger:
         self._repeats = False
         self.unstoppable: Callable[[float], object] = lambda seconds: None
         """Called where something begins that no command stops, with the seconds that it may last; with 0 when it is over."""
+        self._stops: set[Hashable] = set()  # the planned steps that stop the device
         self._moves = False  # whether any step that was planned moves the device
         self._asked: set[Hashable] = set()  # what of the plan went out
 
@@ -176,6 +178,8 @@ class Ledger:
                 known.remove(same)
             elif same is not None:
                 self._plan.append((same, step))
+                if self._repeats:
+                    self._stops.add(same)
 
     def forget(self) -> None:
         """What was planned and has not gone out will not: the device is on another wire, in other bytes."""
@@ -217,11 +221,19 @@ class Ledger:
             self._one_step = None
 
     @contextmanager
-    def repeating(self) -> Iterator[None]:
-        """The same frame once more in here is the same step: it is sent until one of them is acknowledged."""
+    def stopping(self) -> Iterator[None]:
+        """Around a stop: the same frame once more is the same step, since it is sent until one of them is acknowledged.
+
+        What it plans and does not send is no remaining step of the command. It is not even planned where the stop is interrupted:
+        the device was stopped before, and the link sends nothing more.
+        """
         before, self._repeats = self._repeats, True
+        planned = list(self._plan)
         try:
             yield
+        except KeyboardInterrupt:
+            self._plan = [one for one in self._plan if one in planned]
+            raise
         finally:
             self._repeats = before
 
@@ -240,7 +252,7 @@ class Ledger:
             last.again(frame.data)
             last.meaning = last.meaning or (planned.meaning if planned is not None else "")
         else:
-            last = Write(frame, planned.meaning if planned is not None else "", SENT)
+            last = Write(frame, planned.meaning if planned is not None else "", SENT, self.words)
             self._writes.append(last)
         if frame.key is not None:
             self._waiting[frame.key] = last
@@ -312,8 +324,8 @@ class Ledger:
             "bytes": shown(frame.data, frame.can_id),
             "meaning": write.meaning or frame.meaning or self._meaning(frame),
             "state": state,
-            "next": frame.next or self.words.next(frame.data, frame.can_id)
-            if state == SENT and self.words is not None
+            "next": frame.next or write.words.next(frame.data, frame.can_id)
+            if state == SENT and write.words is not None
             else "",
         }
         if write.evidence:
@@ -337,7 +349,8 @@ class Ledger:
         if found[CONFIRMED] == len(rows):
             return [f"writes: {told}"]
         lines = [f"writes: {told}", *(line for row in rows for line in _lines(row))]
-        left = ", ".join(str(row["step"]) for row in rows if row["state"] == NOT_SENT)
+        plan = enumerate(self._plan, len(self._writes) + 1)
+        left = ", ".join(str(number) for number, (same, _) in plan if same not in self._stops)
         if left and found[SENT]:
             lines.append(
                 f"  to continue: check the position of the device, then run the command again. Do not send the remaining steps (step {left}) on their own, because they are part of a movement"

@@ -50,7 +50,8 @@ LONG = 60
 
 
 def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock | None:
-    """The lock of the LINK `name`, None if no other process can reach it. Raises InUse, LinkError.
+    """The lock of the LINK `name`, None if no other process can reach it. Raises InUse, LinkError; Interrupted for a command
+    that may write to a device that was stopped after it began, such as a script that slept until now.
 
     `patience`: seconds for the last stop of a holder that died, None as long as one takes, but 0 in a command that stops.
     """
@@ -63,7 +64,7 @@ def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock 
     if patience is None and run.stops:
         patience = 0.0  # what else is on its way stops the device too
     try:
-        return hold(
+        lock = hold(
             name, command, run.family.tcp_port,
             family=run.family.kind, writes=run.may_write, kept=run.keeps, patience=patience,
         )  # fmt: skip
@@ -73,6 +74,14 @@ def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock 
         if not run.keeps:
             raise
         return None  # a simulated device is in no danger
+    if lock is not None and run.may_write and not run.stops and lock.stopped_since(run.began):
+        lock.release()
+        raise Interrupted(
+            f"{name}: another handctl command stopped the device after this one had started. Nothing was sent",
+            hint="run the command again if the device is to move",
+            code=STOPPED,
+        )
+    return lock
 
 
 class DeviceAccess:
@@ -152,6 +161,16 @@ class DeviceAccess:
                     self.link.held = lock.descriptors
         return self.link is not None and self.link.reopen()
 
+    def remember(self, family: str) -> None:
+        """The device is of this family, see `Lock.remember`."""
+        if self._lock is not None:
+            self._lock.remember(family)
+
+    def note_stop(self) -> None:
+        """The device is being stopped, see `Lock.note_stop`."""
+        if self._lock is not None:
+            self._lock.note_stop()
+
     @property
     def sent(self) -> list[dict[str, Any]]:
         """What a requested stop has sent, see `rows`."""
@@ -191,6 +210,7 @@ class DeviceAccess:
             return self._report or report(None, ())
         # A sleeping reader is waited for no longer, and must not cut this off.
         signals.alarm_is_over()
+        self.note_stop()
         sent: list[Sent] = []
         stopped = stopped_at(self._run, self.link, sent)
         if stopped.error is LinkError:

@@ -7,13 +7,14 @@ and the bytes are sent from here. They are also sent to a port that another prog
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import errors
 from handctl.command.family import on_can, wire_in
 from handctl.command.options import COMMAND_LINE, NAMED
-from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, UsageError
+from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, Hint, LinkError, UsageError
 from handctl.link import Deadline
 from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
 from handctl.model.command_settings import Settings
@@ -82,10 +83,6 @@ def stop(
     else:
         run.journal.info("stopped", f"{where}{told['text']}", told["hint"])
     return table
-
-
-OTHER_DEVICE = "other-device"
-"""Code of the error where a device of another family has replied, and was not stopped."""
 
 
 def unheard(error: str, rows: Sequence[Row]) -> bool:
@@ -183,7 +180,7 @@ def _take_over(run: Run, told: dict[str, Any]) -> None:
     for one in told.get("wire", ()):
         step = Step(one["meaning"], bytes.fromhex(one["data"]), moves=True, can_id=one["can_id"])
         run.ledger.plan([step])
-        with run.ledger.repeating():
+        with run.ledger.stopping():
             for _ in range(one["times"]):
                 run.ledger.passed(0.0, ">", step.data, step.can_id)
         run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
@@ -200,6 +197,8 @@ def _end(run: Run, who: Holder | None) -> None:
             Hint("find the program with {} and end it", "ports"),
         )
         return
+    if who.pid == os.getpid():
+        return  # another command of this session, under another name of the port
     hint = f"end it with `{processes.ENDS} {who.pid}`"
     try:
         asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0
@@ -232,6 +231,7 @@ def _from_here(
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
     if run.session is None and run.link is None:
         run.connection.device_access = DeviceAccess(run, lock)
+        run.connection.device_access.note_stop()
     until = clock.now() + _left(bound, AGAIN_SECONDS) if patient else 0.0
     sent: list[Sent] = []
     stopped = None
@@ -243,6 +243,8 @@ def _from_here(
                 raise
             clock.sleep(TRY_SECONDS)
             continue
+        if run.session is not None and run.connection.device_access is not None:
+            run.connection.device_access.note_stop()
         sent.clear()
         end = None if bound is None else link.deadline(bound.remaining)
         with run.prompts.without_interrupts():

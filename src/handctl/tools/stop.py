@@ -15,7 +15,7 @@ from handctl.command.config import Device, read_config
 from handctl.command.family import load
 from handctl.command.options import COMMAND_LINE, NAMED, Source
 from handctl.command.run import Run
-from handctl.errors import HandctlError, Hint, UsageError
+from handctl.errors import OTHER_DEVICE, HandctlError, Hint, UsageError, joined
 from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, open_link
 from handctl.link.device_lock import canonical, hold, last_family
@@ -32,47 +32,106 @@ def cli(run: Run) -> Table:
     """Stop a device at once, even while another handctl command is using it.
 
     handctl takes the family from the entry of the named device (-d), or from the handctl command that is using the device or
-    used it last.
+    reached it last.
     Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device. It also does that if the stop gets no
-    reply, or one from another device, and then stops the device that it found.
+    reply, or one from another device, and then stops the device that it found. If it finds none, it sends the stop of each
+    device that may not reply while it moves: a BarrettHand, and on TCP an AIDIN-hand too.
     If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
     was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
-    from handctl.stop import stop_command
-
-    run.family = load(_kind(run), "cli").cli.family
-    table = stop_command.stop(run)
-    return _other_stopped(run, table) or table
+    kind = _kind(run)
+    table = _stopped_as(run, kind) if kind else None
+    return table if table is not None and not _missed(table) else _other_stopped(run, kind, table)
 
 
-def _other_stopped(run: Run, first: Table) -> Table | None:
-    """The stop of the device that is really there, after that of the family it was taken for; None where that stands.
+def _other_stopped(run: Run, kind: str, first: Table | None) -> Table:
+    """The stop of the device that is really there, after the `first` one as `kind`; that one where no other is found.
 
-    What is kept of a place may be out of date: another device is behind the port now.
+    What is kept of a place may be out of date: another device is behind the port now. Raises UsageError where nothing
+    tells what to send.
     """
-    from handctl.stop import stop_command
-
-    failure, family, link = first.failure, run.family, run.settings.port or ""
-    error = type(failure).__name__
-    if failure is None or not (failure.code == stop_command.OTHER_DEVICE or stop_command.unheard(error, first.rows)):
-        return None
+    link = run.settings.port or ""
+    failure = first.failure if first is not None else None
     if "id" not in run.sources:
         run.settings = run.settings._replace(id=None)  # the one of the family before, as shipped
-    found = _replying_family(run, link) if family is not None else ""
-    if family is None or found in ("", family.kind):
-        return None
-    run.journal.warn("other-device", f"{failure.text}. Stopping the {found} instead")
-    run.family = load(found, "cli").cli.family
-    run.journal.ledger.words = None  # those of the family before
-    then = stop_command.stop(run)
-    then.rows = [{**row, "step": at} for at, row in enumerate([*first.rows, *then.rows], 1)]
-    if FAMILIES[family.kind].beside == found:  # that this one replies does not show that the other is gone
-        then.failure = then.failure or failure
+    found = _replying_family(run, link)
+    if found == kind and first is not None:
+        return first
+    then = first
+    for other in [found] if found else _silent_families(run, link):
+        if other == kind:
+            continue
+        if found and failure is not None:
+            run.journal.warn("other-device", f"{failure.text}. Stopping the {found} instead")
+        then = _stopped_as(run, other, then)
+        if found or not _missed(then):
+            if not found and failure is not None:
+                run.journal.warn("other-device", f"{failure.text}. The stop of a {other} was acknowledged")
+            if kind and FAMILIES[kind].beside == other:  # that this one replies does not show that the other is gone
+                then.failure = then.failure or failure
+            return then
+        if found is None and (found := _replying_family(run, link)):  # another command had the link until now
+            return then if found == other else _stopped_as(run, found, then)
+    if then is None:
+        raise _unknown(link, UsageError)
+    if first is not None:
+        run.family = load(kind, "cli").cli.family
+        then.failure = failure
+    else:
+        assert then.failure is not None
+        then.failure = _unknown(link, type(then.failure), then.failure.text)
     return then
 
 
+def _stopped_as(run: Run, kind: str, before: Table | None = None) -> Table:
+    """The stop of a device of family `kind`, behind the steps of the one `before`, which was for another device."""
+    from handctl.stop import stop_command
+
+    run.family = load(kind, "cli").cli.family
+    if before is not None:
+        run.settings = run.settings._replace(kind=None)
+        run.journal.ledger.words = None
+    then = stop_command.stop(run)
+    if before is not None:
+        then.rows = [{**row, "step": at} for at, row in enumerate([*before.rows, *then.rows], 1)]
+    return then
+
+
+def _missed(stopped: Table) -> bool:
+    """Whether no device of the family that it was for has acknowledged this stop."""
+    from handctl.stop import stop_command
+
+    failure = stopped.failure
+    if failure is None:
+        return False
+    return failure.code == OTHER_DEVICE or stop_command.unheard(type(failure).__name__, stopped.rows)
+
+
+def _silent_families(run: Run, link: str) -> list[str]:
+    """The families whose device may be behind this LINK, and move, although no question finds it."""
+    from handctl.tools.scan_link import plan, port_of
+
+    if link.startswith(("fake://", "replay:")) or run.settings.dry_run:
+        return []
+    wire = wire_of(link)
+    silent = [family for family in SCAN_ORDER if FAMILIES[family].silent]
+    return [step.family for step in plan(wire, silent, speeds=False, port=port_of(link) if wire == "tcp" else None)]
+
+
+def _unknown(link: str, kind: type[HandctlError], sent: str = "") -> HandctlError:
+    """The error where nothing tells the family of the device; `sent` is what was sent all the same, and what came."""
+    return kind(
+        joined(
+            f"{link}: no handctl command has reached this device, it has no name, and its family could not be detected",
+            sent,
+        ),
+        hint=f"run `handctl FAMILY stop -p {link}` with one of {', '.join(FAMILIES)}",
+        code="no-family",
+    )
+
+
 def _kind(run: Run) -> str:
-    """The family of the named device. Raises UsageError if it cannot be determined."""
+    """The family of the device as far as it is known before anything is sent, "" where it is not. Raises UsageError without a LINK."""
     settings = run.settings
     if settings.kind is not None:
         return settings.kind
@@ -98,9 +157,9 @@ EACH = 0.03
 
 
 def family_at(run: Run) -> str:
-    """The family of the device at --port: from its holder, the last holder, a named device there, or its reply.
+    """The family of the device at --port: from its holder, the last command that reached it, or a named device there; else "".
 
-    What a named device there says of it holds, as with -d. Raises UsageError where nothing tells the family.
+    What a named device there says of it holds, as with -d.
     """
     link = run.settings.port or ""
     ports = usual_ports() if link.startswith("tcp://") else []
@@ -111,15 +170,7 @@ def family_at(run: Run) -> str:
     if len(kinds) == 1:
         found = named[0].kind
         _as_named(run, named)
-    if not found:
-        found = _replying_family(run, link)
-    if found:
-        return found
-    raise UsageError(
-        f"{link}: no handctl command has used this device, it has no name, and its family could not be detected",
-        hint=f"run `handctl FAMILY stop -p {link}` with one of {', '.join(FAMILIES)}",
-        code="no-family",
-    )
+    return found
 
 
 def _canonical(link: str, kind: str) -> str:
@@ -149,10 +200,10 @@ def _as_named(run: Run, named: list[Device]) -> None:
     run.sources = {**run.sources, **sources}
 
 
-def _replying_family(run: Run, link: str) -> str:
-    """The family that replies within SECONDS, and the baud rate; "" without a reply, or if the link is in use."""
+def _replying_family(run: Run, link: str) -> str | None:
+    """The family that replies within SECONDS, and the baud rate; "" without a reply, None if nothing was asked: the link is in use."""
     if link.startswith("replay:") or run.settings.dry_run:
-        return ""
+        return None
     wire = wire_of(link)
     try:
         with ExitStack() as held:
@@ -166,7 +217,7 @@ def _replying_family(run: Run, link: str) -> str:
                 opened.observers = run.connection.observers
             row = _asked(opened, wire, _ids(run), run.journal)
     except HandctlError:
-        return ""  # the stop itself says what is wrong with the link
+        return None  # the stop itself says what is wrong with the link
     if row is None:
         return ""
     if row["baud"] is not None:

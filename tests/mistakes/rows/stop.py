@@ -6,6 +6,7 @@ EXO = "handctl.devices.inspire.exo.stopper"
 WRIST = "handctl.devices.inspire.wrist.stopper"
 TALK = "handctl.model.stop_sequence"
 REQUESTS = "handctl.devices.inspire.stop_requests"
+WHOSE = "tests/stop/test_whose.py::"
 MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 
 ROWS = (
@@ -169,8 +170,8 @@ ROWS = (
         "stop not sent",
         "handctl.tools.stop",
         "cli",
-        "return _other_stopped(run, table) or table",
-        "return table",
+        "return table if table is not None and not _missed(table) else _other_stopped(run, kind, table)",
+        "return table if table is not None else _other_stopped(run, kind, table)",
         "tests/stop/test_whose.py::test_another_device_than_the_last_one_is_stopped",
     ),
     mistake(
@@ -371,5 +372,107 @@ ROWS = (
         "asking = ASKED_SECONDS if who.command == LIBRARY and not processes.sleeps(who.pid) else 0.0",
         "asking = 0.0",
         "tests/stop/test_whose.py::test_a_program_is_asked_before_it_is_ended_by_force",
+    ),
+    mistake(
+        "stop-believes-a-command-that-never-met-its-device",
+        "stop not sent",
+        "handctl.command.run",
+        "Run._met",
+        "return self.journal.ledger.began or (self.journal.counters.received > 0 and not other)",
+        "return True",
+        WHOSE + "test_a_hand_that_moves_and_replies_to_its_stop_alone_is_stopped",
+    ),
+    mistake(
+        "stop-that-nothing-acknowledged-tells-the-family",
+        "stop not sent",
+        "handctl.command.run",
+        "Run._met",
+        "return self.outcome.table is not None and (self.outcome.table.failure or failure) is None",
+        "return True",
+        WHOSE + "test_what_reads_what_failed_and_what_wrote_tell_the_family_as_they_should",
+    ),
+    mistake(
+        "stop-of-a-silent-hand-not-tried",
+        "stop not sent",
+        "handctl.tools.stop",
+        "_silent_families",
+        "silent = [family for family in SCAN_ORDER if FAMILIES[family].silent]",
+        "silent: list[str] = []",
+        WHOSE + "test_a_hand_that_moves_and_replies_to_its_stop_alone_is_stopped",
+    ),
+    mistake(
+        "stop-refused-because-of-a-name",
+        "stop not sent",
+        "handctl.tools.stop",
+        "_stopped_as",
+        "run.settings = run.settings._replace(kind=None)",
+        "pass",
+        WHOSE + "test_a_name_of_another_family_refuses_no_stop",
+    ),
+    mistake(
+        "a-script-moves-what-was-stopped-while-it-slept",
+        "moves after a stop",
+        "handctl.stop.device_access",
+        "lock_for",
+        "if lock is not None and run.may_write and not run.stops and lock.stopped_since(run.began):",
+        "if False:",
+        "tests/stop/test_started_before.py::test_a_script_that_slept_through_a_stop_moves_nothing",
+    ),
+    mistake(
+        "a-script-counts-from-its-line",
+        "moves after a stop",
+        "handctl.tools.batch",
+        "_run",
+        """session = Session(
+        run.command, writes=any(one.leaf.writes and not one.settings.dry_run for one in lines), began=run.began
+    )""",
+        "session = Session(run.command, writes=True)",
+        "tests/stop/test_started_before.py::test_a_script_that_slept_through_a_stop_moves_nothing",
+    ),
+    mistake(
+        "its-own-stop-hides-that-of-another-process",
+        "moves after a stop",
+        "handctl.link.device_lock",
+        "Lock.note_stop",
+        'text = "".join(f"{line}\\n" for line in (f"{clock.now():.6f} {own_number}", *others[:1]))',
+        'text = f"{clock.now():.6f} {own_number}\\n"',
+        "tests/stop/test_started_before.py::test_a_stop_counts_from_its_moment",
+    ),
+    mistake(
+        "stop-leaves-no-note",
+        "moves after a stop",
+        "handctl.stop.device_access",
+        "DeviceAccess.note_stop",
+        "self._lock.note_stop()",
+        "pass",
+        "tests/stop/test_started_before.py::test_a_stop_leaves_its_note",
+    ),
+    mistake(
+        "a-script-with-a-stop-ends-itself-by-force",
+        "killed unasked",
+        "handctl.command.command_lines",
+        "ScriptLine.plan",
+        "if self.leaf.stops:",
+        "if False:",
+        "tests/stop/test_started_before.py::test_a_stop_of_the_script_itself_ends_nothing",
+    ),
+    mistake(
+        "the-steps-of-a-stop-are-to-be-sent-again",
+        "wrong next step",
+        "handctl.model.write_ledger",
+        "Ledger.stopping",
+        "self._plan = [one for one in self._plan if one in planned]",
+        "pass",
+        "tests/kernel/test_write_ledger.py::test_the_steps_of_a_stop_are_no_remaining_steps",
+        "tests/kernel/test_write_ledger.py::test_a_second_stop_is_planned_on_no_link_that_sends_nothing_more",
+    ),
+    mistake(
+        "a-scan-ends-a-movement",
+        "a read that stops",
+        "handctl.devices.inspire.id_and_baud_search",
+        "Scanner._pass",
+        "ids = [number for number in this.ids if self._may_ask(number, speed)]",
+        "ids = this.ids",
+        "tests/tools/test_scan.py::test_no_id_ends_a_movement_of_a_barrett_hand_unless_it_was_typed",
     ),
 )

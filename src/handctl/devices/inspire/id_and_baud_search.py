@@ -293,6 +293,7 @@ class ScanRequest:
 
     own, probe, twin  who is looked for, and what he is asked, see `scan.Target`
     typed     the user named him: where nothing shows who answers, it is he
+    given_ids  the user named the ids: each is asked, also one whose request another device on the line could act on
     find_all  the first hit does not end it
     thorough  silence is asked again, with more patience
     silence   for so many seconds a line is asked on which nobody is heard, None = until all were asked
@@ -307,6 +308,7 @@ class ScanRequest:
     twin: Span
     find_all: bool
     typed: bool = True
+    given_ids: bool = False
     thorough: bool = True
     silence: float | None = None
     between: Callable[[], bool] | None = None
@@ -325,6 +327,8 @@ class Scanner(Requester):
         self._until: Deadline | None = None if want.silence is None else bus.link.deadline(want.silence)
         self.left: list[tuple[int | None, int]] = []
         """Speed, and the first id that was not asked there since `silence` was over."""
+        self.unasked: set[tuple[int | None, int]] = set()
+        """Speed and id that was not asked there, because another device could act on the request."""
         self._doubted: set[int] = set()  # ids that answered in this pass, and not when asked again
         self._asked: list[int] = []  # speeds, the last one last
         self._judged: set[tuple[int | None, int]] = set()  # whose damaged answers were looked at
@@ -421,8 +425,11 @@ class Scanner(Requester):
         return ScanPass(speed, ids, wait, SILENCE_SECONDS)
 
     def _pass(self, this: ScanPass) -> None:
-        speed, ids = this.speed, this.ids
+        speed = this.speed
         self._set_speed(speed)
+        ids = [number for number in this.ids if self._may_ask(number, speed)]
+        if not ids:
+            return
         # A question, and room for its answer.
         self._wait = TURNAROUND + self._bus.wire_seconds(ANSWER_BYTES) if this.wait is None else this.wait
         if speed is not None and self._bus.link.can_set_baud:
@@ -445,6 +452,14 @@ class Scanner(Requester):
         alone = ids[0] if len(ids) == 1 else 0
         self._collect(answered, max(0.0, self._patience(this.dwell) - self._wait), alone=alone)
         self._confirm(speed, answered, ids[-1:])
+
+    def _may_ask(self, device_id: int, speed: int | None) -> bool:
+        """Whether no other device on the line could act on the first question to this id, or the user named it."""
+        flag = self._bus.read_flag
+        quiet = self._bus.is_quiet(eb90.read_request(device_id, *question(device_id, flag), flag))
+        if not (quiet or self._want.given_ids):
+            self.unasked.add((speed, device_id))
+        return quiet or self._want.given_ids
 
     def _patience(self, otherwise: float) -> float:
         return max(self._want.patience, super()._patience(otherwise))

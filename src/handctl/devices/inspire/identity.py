@@ -16,7 +16,7 @@ from collections.abc import Callable, Collection, Sequence
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.register_bus import READS, RegisterBus, Span
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
+from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.fast_classes import NamedTuple
 from handctl.model.device import Gate
 from handctl.model.result import hex_bytes
@@ -425,5 +425,5 @@ def stranger(bus: RegisterBus, kind: Kind, own: Kind, evidence: str) -> DeviceRe
     return DeviceRefused(
         f"{bus.where}: this is {kind.words}, not {own.words}: {evidence}",
         hint=f"use `{kind.command}`, the command for it. --assume-identity skips this check, if you are sure which device it is",
-        code="other-device",
+        code=OTHER_DEVICE,
     )

@@ -36,7 +36,7 @@ from handctl.model.device import OTHER_FORM
 from handctl.model.param import ids_in
 from handctl.model.prompts import Progress
 from handctl.model.result import Journal, Row
-from handctl.model.scan_task import ScanTask
+from handctl.model.scan_task import NOT_ASKED, ScanTask
 from handctl.wording import plural
 
 SCAN_BAUD_RATES = (115200, 57600, 19200)
@@ -129,6 +129,7 @@ class Sweep:
         self.asked_rtu: list[int | None] = []
         self.probes = 0
         self.left: list[str] = []
+        self.unasked: set[tuple[int | None, int]] = set()
         self.collided: list[tuple[int | None, int]] = []
 
     def run(self) -> None:
@@ -208,6 +209,7 @@ class Sweep:
             twin=target.twin,
             own=self.own if lead else target.own,
             typed=self.typed,
+            given_ids=bool(task.ids),
             thorough=task.silence is None,
             silence=None if task.silence is None else max(0.0, task.silence - self._seconds),
             between=self._between if self.rtu and lead else None,
@@ -220,6 +222,7 @@ class Sweep:
         found = scanner.run(self.ids, speeds)
         self.left += [left_text(speed, number, self.ids[-1], target.family) for speed, number in scanner.left]
         self.collided += found.twins
+        self.unasked |= scanner.unasked
         for speed, device_id, value in found.hits:
             kind, shown = found.kinds.get((speed, device_id), (target.own, ""))
             read = _evidence(target.value, value)
@@ -380,6 +383,16 @@ class Sweep:
             "echo": found.echo,
             "garbage_bytes": found.garbage,
         }
+        if self.unasked and (task.find_all or not task.rows):
+            numbers = ",".join(map(str, sorted({number for _, number in self.unasked})))
+            at = " and ".join(
+                str(speed) for speed in dict.fromkeys(speed for speed, _ in sorted(self.unasked, key=str)) if speed
+            )
+            journal.info(
+                NOT_ASKED,
+                f"ids {numbers} were not tried{f' at {at} bit/s' if at else ''}: a BarrettHand takes the byte 3 for ^C, which ends its movement, and 13 for CR",
+                f"if no BarrettHand is on this line, add --ids {numbers}",
+            )
         for speed, device_id in found.unconfirmed:
             journal.warn(
                 "unconfirmed", f"id {device_id}{at_text(speed)} replied once and not again, so it is not counted"

@@ -228,7 +228,7 @@ class SerialBus(ByteBus):
         address //= self.per
         request = eb90.read_request(target, address, count, self.read_flag)
         prefix = eb90.read_reply_prefix(target, address, count, self.read_flag)
-        if not self._met and not self._quiet(request):
+        if not self._met and not self.is_quiet(request):
             self._ask_quietly(target, retries)
         try:
             answer = self.repeated(retries, self.exchange, request, [prefix], reply_size=count + 8)
@@ -263,9 +263,9 @@ class SerialBus(ByteBus):
         request = eb90.read_request(self.id, address // self.per, count, self.read_flag)
         if self.link.replayed:
             return self.link.is_next_recorded(request)
-        return bool(self._met) or self._quiet(request)
+        return bool(self._met) or self.is_quiet(request)
 
-    def _quiet(self, request: bytes) -> bool:
+    def is_quiet(self, request: bytes) -> bool:
         """Whether no other device on this line would act on it. A recording has no other devices."""
         link = self.link
         return link.replayed or harmless_to_others(request, link.baud if link.can_set_baud else None)
@@ -273,7 +273,7 @@ class SerialBus(ByteBus):
     def _ask_quietly(self, device_id: int, retries: int | None) -> None:
         """Before a request that another device could act on, send one that none acts on. Raises as `read` does."""
         span = question(device_id, self.read_flag)
-        if self._quiet(eb90.read_request(device_id, *span, self.read_flag)):
+        if self.is_quiet(eb90.read_request(device_id, *span, self.read_flag)):
             self.read(*span, device_id=device_id, retries=retries)
 
     def write(self, address: int, data: bytes, *, acknowledged_by: Sequence[int] = ()) -> None:
