@@ -85,10 +85,14 @@ def test_a_trace_that_cannot_be_written_keeps_nothing_from_the_wire(monkeypatch:
             if self.lines > 20:
                 raise OSError(28, os.strerror(28))
 
+        def fileno(self) -> int:
+            return nothing.fileno()
+
         def close(self) -> None:
+            nothing.close()
             raise OSError(28, os.strerror(28))
 
-    full = Full()
+    nothing, full = open(os.devnull, "rb"), Full()
     monkeypatch.setattr(
         "handctl.link.transcript.open",
         lambda path, *rest, **more: full if path == "full" else real(path, *rest, **more),
