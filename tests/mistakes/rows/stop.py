@@ -196,8 +196,8 @@ ROWS = (
         "evidence believed",
         "handctl.devices.aidin.stopper",
         "stop_steps",
-        "since_then = _currents(decoder, (yield from silence())) or _currents(decoder, (yield action))",
-        "since_then = [told]",
+        "since_then, seen = _told(decoder, (yield from silence()))",
+        "since_then, seen = [], []",
         MATRIX,
     ),
     mistake(

@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cache
 
 from handctl.devices.aidin.device import (
     AidinHand,
@@ -24,7 +23,16 @@ from handctl.devices.aidin.device import (
 from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
-from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, Mode, some
+from handctl.devices.aidin.parameter_map import (
+    AIDIN,
+    MOTOR_POS,
+    STILL,
+    AidinParam,
+    Mode,
+    moving,
+    some,
+    stroke,
+)
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
 from handctl.families import FAMILIES
@@ -53,13 +61,10 @@ GOES_ON = "no stop was sent, so the hand probably continues to its origin. `hand
 
 # -- what the way of a motor proves ---------------------------------------------------------------------------------
 
-MOTOR_POS = AIDIN["motor_pos"]
 AT_ORIGIN = 0.01
 """Share of a stroke within which a motor counts as at 0."""
 AT_STOP = 0.02
 """Share of a stroke within which a motor counts as at its open stop."""
-STILL = 0.001
-"""Share of a stroke that a motor may change from one look to the next and still stand."""
 LEAP = 3
 """A motor that changes so many times faster than just before, from one look to the next, was not driven there."""
 RESTED = 0.5
@@ -192,20 +197,6 @@ def _verdict(way: TravelDirection, known: bool, went: bool) -> Verdict:
     if known:
         return Verdict.BEYOND if way.rest < 0 else Verdict.SHORT
     return Verdict.UNPROVEN
-
-
-@cache
-def stroke(index: int) -> float:
-    limit = MOTOR_POS.limit(index)
-    assert limit is not None
-    return limit[1] - limit[0]
-
-
-def moving(before: tuple[Number, ...] | None, now: tuple[Number, ...]) -> list[int]:
-    """Motors whose encoder has changed by more than jitter; all of them without a look before."""
-    if before is None:
-        return list(range(len(now)))
-    return [i for i, (a, b) in enumerate(zip(before, now, strict=True)) if abs(b - a) > stroke(i) * STILL]
 
 
 # -- homing ----------------------------------------------------------------------------------------------------------
