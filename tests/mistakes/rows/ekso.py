@@ -6,7 +6,27 @@ FRAMES = "handctl.devices.ekso.frames"
 PORT = "handctl.devices.ekso.dataport"
 SETTINGS = "handctl.devices.ekso.setting_writer"
 
+NEVER = "tests/ekso/test_never_sent.py::test_what_hides_a_command_is_refused"
+
 ROWS = (
+    mistake(
+        "ekso-movement-started-by-typed-bytes",
+        "gate removed",
+        "handctl.devices.ekso.device",
+        "Ekso.plan_typed",
+        "if START_MOVEMENT in data:",
+        "if data[:1] == bytes([START_MOVEMENT]) and len(data) > 1:",
+        NEVER,
+    ),
+    mistake(
+        "ekso-setting-typed-in-pieces",
+        "gate removed",
+        "handctl.devices.ekso.device",
+        "Ekso.plan_typed",
+        'if not piece.frame or piece.fields["command"] not in READS.values()',
+        'if piece.frame and piece.fields["command"] not in READS.values()',
+        NEVER,
+    ),
     mistake(
         "ekso-contradiction-is-a-duplicate",
         "false success",
