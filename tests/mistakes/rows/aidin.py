@@ -208,6 +208,15 @@ ROWS = (
         "tests/aidin/test_motion.py::test_a_hand_that_ignores_the_stop_is_told_apart",
     ),
     mistake(
+        "aidin-limit-raised-unasked",
+        "gate removed",
+        "handctl.devices.aidin.cli",
+        "max_torque",
+        '"Fingers that a lower limit has held back may MOVE to their targets, which the hand does not report. Keep clear"',
+        '""',
+        "tests/aidin/test_cli.py::test_what_asks",
+    ),
+    mistake(
         "aidin-current-flows-and-none-is-told",
         "evidence believed",
         "handctl.devices.aidin.motion",
