@@ -66,6 +66,15 @@ ROWS = (
         "tests/aidin/test_homing.py::test_a_motor_that_disagrees_with_its_neighbours_is_named",
     ),
     mistake(
+        "aidin-homed-without-a-way",
+        "evidence believed",
+        "handctl.devices.aidin.homing_and_bias",
+        "_verdict",
+        "return Verdict.OPEN if abs(way.share(way.travelled)) > AT_STOP else Verdict.UNPROVEN",
+        "return Verdict.OPEN",
+        "tests/aidin/test_homing.py::test_a_motor_that_never_left_its_0_proves_nothing",
+    ),
+    mistake(
         "aidin-encoders-at-0-are-an-origin",
         "evidence believed",
         "handctl.devices.aidin.homing_and_bias",

@@ -190,8 +190,9 @@ def _verdict(way: TravelDirection, known: bool, went: bool) -> Verdict:
         return Verdict.MOVING
     if way.share(way.travelled) >= 1.0 - AT_STOP:
         return Verdict.STROKE
+    # Each motor for itself: of one that never left its place nothing shows what holds it there.
     if known and abs(way.share(way.rest)) <= AT_STOP:
-        return Verdict.OPEN
+        return Verdict.OPEN if abs(way.share(way.travelled)) > AT_STOP else Verdict.UNPROVEN
     if abs(way.share(way.travelled)) <= AT_STOP and (went or abs(way.share(way.start)) > AT_STOP):
         return Verdict.STAYED
     if known:
@@ -267,15 +268,20 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(unproven)}, because nothing shows that they came to rest at their open stop: {_told(unproven)}",
             hint=(
-                f"{LEFT}. Check that all fingers are fully open; if they are, the hand is homed. To have that confirmed, close the fingers part of the way, for example with `handctl aidin encoders`, and home again. Each motor must come to rest at the same position"
+                f"{LEFT}. Check that all fingers are fully open and that nothing holds them; if so, the hand is homed. To have that confirmed, close the fingers all the way and home again: each motor must go its whole stroke, and the 0 of one that cannot is not its open stop"
             ),
             code="homing-unproven",
         )
     else:
-        hand.journal.ledger.confirm("each motor came to rest at its open stop and is at 0", since=mark)
+        hand.journal.ledger.confirm(
+            "each motor came to rest at an earlier 0 or behind its whole stroke, and is at 0", since=mark
+        )
         hand.journal.info(
             "homed",
-            "homed: each motor came to rest at its open stop, which was either the 0 of an earlier homing or the end of its full stroke, and now reads 0. The hand was left in homing mode, and nothing more is sent",
+            "homed: each motor came to rest at the 0 of an earlier homing or at the end of its full stroke, and now reads 0. The hand was left in homing mode, and nothing more is sent",
+            ""
+            if all(way.verdict is Verdict.STROKE for way in ways)
+            else "if the hand had not been homed before, check that all fingers are fully open: an obstacle at the 0 of its power-on looks the same",
         )
     return table
 
