@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from handctl.system import user_folders
+
 NUMBERS = itertools.count()
 BELOW: list[Path] = []
 """The folder of the run below which the next one is made."""
@@ -37,6 +39,10 @@ def scratch() -> Iterator[Path]:
             yield Path(folder)
         finally:
             tempfile.tempdir = before
+
+
+# What all users of a machine share has no variable: in this process it lies with the rest.
+user_folders.shared_folder = lambda: MADE[-1] if MADE else tempfile.gettempdir()
 
 
 def begin() -> None:

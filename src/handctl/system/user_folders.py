@@ -49,6 +49,11 @@ def private_folders() -> list[str]:
     return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]  # noqa: S108 - made 0700, checked
 
 
+def shared_folder() -> str:
+    """Where each user of this machine may put a file that the others read. On POSIX no variable moves it."""
+    return os.environ.get("PROGRAMDATA", "C:\\ProgramData") if sys.platform == "win32" else "/tmp"  # noqa: S108 - the owner is checked
+
+
 def own_folder(folder: str, *, make: bool = False) -> bool:
     """Whether a folder is this user's, not to be trusted otherwise; with `make` a missing one is made. Raises OSError."""
     if make and not os.path.isdir(folder):

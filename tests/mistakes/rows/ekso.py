@@ -8,7 +8,27 @@ SETTINGS = "handctl.devices.ekso.setting_writer"
 
 NEVER = "tests/ekso/test_never_sent.py::test_what_hides_a_command_is_refused"
 
+SHARED = "tests/ekso/test_memory.py::test_another_state_folder_or_user_is_no_other_device"
+
 ROWS = (
+    mistake(
+        "ekso-steps-forgotten-with-the-state-folder",
+        "gate removed",
+        "handctl.devices.ekso.audit_log",
+        "logs",
+        'shared = None if always.get("simulated") else Shared(always)',
+        "shared = None",
+        SHARED,
+    ),
+    mistake(
+        "ekso-steps-forgotten-with-the-user",
+        "gate removed",
+        "handctl.devices.ekso.audit_log",
+        "recent",
+        "found = [past for log in audit.every for one in log.read for past in _recent(one, now)]",
+        "found = [past for log in audit.every for past in _recent(log, now)]",
+        SHARED,
+    ),
     mistake(
         "ekso-movement-started-by-typed-bytes",
         "gate removed",
