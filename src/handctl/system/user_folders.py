@@ -54,6 +54,19 @@ def shared_folder() -> str:
     return os.environ.get("PROGRAMDATA", "C:\\ProgramData") if sys.platform == "win32" else "/tmp"  # noqa: S108 - the owner is checked
 
 
+def shared_file(name: str) -> str:
+    """The file of this user there: `name` and whose it is."""
+    return os.path.join(
+        shared_folder(), f"{name}{os.environ.get('USERNAME', '') if sys.platform == 'win32' else os.getuid()}"
+    )
+
+
+def let_all_read(descriptor: int) -> None:
+    """Let the other users read a file, whatever the umask. Raises OSError."""
+    if sys.platform != "win32":
+        os.fchmod(descriptor, 0o644)
+
+
 def own_folder(folder: str, *, make: bool = False) -> bool:
     """Whether a folder is this user's, not to be trusted otherwise; with `make` a missing one is made. Raises OSError."""
     if make and not os.path.isdir(folder):

@@ -15,13 +15,10 @@ import json
 import os
 import re
 import stat
-import sys
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext, suppress
 from datetime import datetime, timezone
-from getpass import getuser
 from pathlib import Path
-from time import time
 from typing import Any, NamedTuple
 
 from handctl.devices.ekso import write_checks
@@ -243,9 +240,8 @@ class Shared(_Readable):
     unusable = "the last writes cannot be kept for the other users of this computer"
 
     def __init__(self, always: Mapping[str, Any]) -> None:
-        folder, user = Path(user_folders.shared_folder()), getuser() if sys.platform == "win32" else os.getuid()
-        place = always.get("place")
-        super().__init__(folder / f"{SHARED_NAME}{user}", {"host": always.get("host"), "local": local(str(place))})
+        kept = {"host": always.get("host"), "local": local(str(always.get("place")))}
+        super().__init__(Path(user_folders.shared_file(SHARED_NAME)), kept)
 
     @property
     def read(self) -> tuple[AuditLog, ...]:
@@ -260,8 +256,8 @@ class Shared(_Readable):
         super()._look(found, file)
         if not user_folders.own(found):
             raise OSError(errno.EPERM, "it belongs to another user")
-        if sys.platform != "win32" and stat.S_IMODE(found.st_mode) != self.permissions:
-            os.fchmod(file, self.permissions)  # whatever the umask: a file that others cannot read is no memory
+        if stat.S_IMODE(found.st_mode) != self.permissions:  # a file that others cannot read is no memory
+            user_folders.let_all_read(file)
 
     def _kept(self, entry: dict[str, Any]) -> dict[str, Any]:
         kept: dict[str, Any] = {
@@ -271,8 +267,8 @@ class Shared(_Readable):
         return kept | self.always
 
     def _append(self, text: bytes) -> None:
-        with self._opened() as file:
-            if time() - os.fstat(file).st_mtime > FORGOTTEN_SECONDS:
+        if datetime.now(timezone.utc).timestamp() - self.changed_at() > FORGOTTEN_SECONDS:
+            with self._opened() as file:
                 os.ftruncate(file, 0)
         super()._append(text)
 
