@@ -10,8 +10,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from handctl.system import user_folders
-
 NUMBERS = itertools.count()
 BELOW: list[Path] = []
 """The folder of the run below which the next one is made."""
@@ -41,15 +39,14 @@ def scratch() -> Iterator[Path]:
             tempfile.tempdir = before
 
 
-# What all users of a machine share has no variable: in this process it lies with the rest.
-user_folders.shared_folder = lambda: MADE[-1] if MADE else tempfile.gettempdir()
-
-
 def begin() -> None:
     """A new empty state: for locks, for the simulators behind a plain --fake, for what was learned of links.
 
-    A place that a test has chosen itself stays.
+    A place that a test has chosen itself stays. What all users of a machine share has no variable: it lies with the rest.
     """
+    from handctl.system import user_folders  # not sooner: a mistake is seeded before handctl is imported
+
+    user_folders.shared_folder = lambda: MADE[-1] if MADE else tempfile.gettempdir()
     if os.environ["XDG_STATE_HOME"] not in ("", *MADE):
         return
     if not (MADE and _untouched(MADE[-1])):

@@ -56,9 +56,9 @@ def shared_folder() -> str:
 
 def shared_file(name: str) -> str:
     """The file of this user there: `name` and whose it is."""
-    return os.path.join(
-        shared_folder(), f"{name}{os.environ.get('USERNAME', '') if sys.platform == 'win32' else os.getuid()}"
-    )
+    if sys.platform == "win32":
+        return os.path.join(shared_folder(), name + os.environ.get("USERNAME", ""))
+    return os.path.join(shared_folder(), f"{name}{os.getuid()}")
 
 
 def let_all_read(descriptor: int) -> None:
