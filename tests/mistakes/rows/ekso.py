@@ -187,7 +187,6 @@ ROWS = (
         'if not (entry.get("simulated") or self.always.get("simulated")):',
         "if not entry:",
         "tests/ekso/test_memory.py::test_what_counts",
-        "tests/ekso/test_memory.py::test_a_port_that_came_back_under_another_number",
     ),
     mistake(
         "ekso-memory-of-one-log",
