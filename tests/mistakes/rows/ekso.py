@@ -16,7 +16,7 @@ ROWS = (
         "gate removed",
         "handctl.devices.ekso.audit_log",
         "logs",
-        'shared = None if always.get("simulated") else Shared(always)',
+        "shared = None if played else Shared(always)",
         "shared = None",
         SHARED,
     ),

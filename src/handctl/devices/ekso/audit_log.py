@@ -43,7 +43,8 @@ def default_path() -> Path:
 
 def logs(file: str | Path | None, always: dict[str, Any]) -> AuditLog:
     """The log that a write is noted in: FILE, whatever it is the user's own, and of a device what all users of this machine share."""
-    shared = None if always.get("simulated") else Shared(always)
+    played = always.get("simulated") or str(always.get("port")).startswith("replay:")  # no device of this computer
+    shared = None if played else Shared(always)
     mine = AuditLog(default_path(), always, own_hint=OWN_HINT, memory=shared)
     return mine if file is None or clash(file, mine.path) else AuditLog(Path(file), always, memory=mine)
 
