@@ -120,14 +120,16 @@ def test_home_then_joints_then_the_rest(tmp_path: Path) -> None:
     assert aidin("stop", link=link).code == 0
 
 
-@pytest.mark.parametrize("args", [("home",), ("initial",), ("max-torque", "0"), ("currents", "index.m1=50")])
+@pytest.mark.parametrize(
+    "args", [("home",), ("initial",), ("max-torque", "0"), ("max-torque", "800"), ("currents", "index.m1=50")]
+)
 def test_what_asks(args: tuple[str, ...], tmp_path: Path) -> None:
     result = aidin(*args, "--trace", tmp_path / "t.txt")
     assert (result.code, result.error["code"]) == (8, "not-confirmed")
     assert not (tmp_path / "t.txt").exists()
 
 
-@pytest.mark.parametrize("args", [("stop",), ("bias",), ("max-torque", "800"), ("joints", "index.q3=160"), ("encoders", "index.m3=50000"), ("fingertips", "index.z=120")])  # fmt: skip
+@pytest.mark.parametrize("args", [("stop",), ("bias",), ("joints", "index.q3=160"), ("encoders", "index.m3=50000"), ("fingertips", "index.z=120")])  # fmt: skip
 def test_what_does_not_ask(args: tuple[str, ...]) -> None:
     assert aidin(*args).code == 0
 

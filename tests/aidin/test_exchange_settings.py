@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from math import inf
 from pathlib import Path
 
 import pytest
@@ -14,7 +15,8 @@ from handctl.devices.aidin.exchange_settings import (
     exchange_settings_of,
     neutral,
 )
-from handctl.errors import NoAnswer, UsageError
+from handctl.devices.aidin.stopper import ENDS
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError, UsageError
 from handctl.model.command_settings import Settings
 from tests.aidin.support import Streamer, feedback, hand_on, line, poller, simulated, stopped, streamer
 from tests.support.cli import run, sent
@@ -116,6 +118,45 @@ def test_stop_says_when_feedback_proves_nothing() -> None:
     hand.dump()
     hand.link.sleep(1.0)
     assert hand.stop().evidence == "the currents stopped", "it was seen in the feedback before the stop"
+
+
+def turning(counts: float, until: float = inf, **changes: object) -> Streamer:
+    """A hand whose index.m3 turns by so many counts a second, at a current that counts as none."""
+    at = lambda t: [0] * 5 + [round(counts * min(t, until))] + [0] * 9  # noqa: E731
+    return Streamer(lambda t: line(feedback(**{"motor_pos": at(t), "current_state": [15] * 15, **changes})))
+
+
+def turned_by_requests() -> ScriptedLink:
+    """The same of a hand that only replies."""
+    link = poller(
+        lambda _: feedback(motor_pos=[0] * 5 + [round(17000 * link.clock)] + [0] * 9, current_state=[15] * 15)
+    )
+    return link
+
+
+@each_row("name", STOPS := {
+    "turns at a low current": (lambda: turning(17000), DeviceRefused, ""),
+    "turns the other way, slowly": (lambda: turning(-1700), DeviceRefused, ""),
+    "obeys late": (lambda: turning(17000, until=2.5), DeviceRefused, ""),
+    "coasts": (lambda: turning(170000, until=0.2), None, ""),
+    "turns, and its currents are missing": (lambda: turning(17000, current_state="?"), DeviceRefused, ""),
+    "turns, polled": (turned_by_requests, DeviceRefused, ""),
+    "holds": (lambda: streamer(feedback(current_state=[20] * 15)), None, ""),
+    "tells no positions": (lambda: streamer({"current_state": [0] * 15}), ProtocolError, ""),
+    "falls silent": (lambda: Streamer(lambda t: line(feedback()) if t < 0.1 else b"", period=0.02), NoAnswer, ""),
+    "was ended": (lambda: Streamer(lambda t: line(feedback(current_state=[300 * (t < 0.03)] * 15))), None, "the currents stopped"),
+})  # fmt: skip
+def test_what_the_motors_show_behind_a_stop(name: str) -> None:
+    """A motor that turns is not stopped, however low its current; and standing motors show nothing of their power."""
+    make, error, evidence = STOPS[name]
+    ended = stopped(make())
+    assert (ended.error, ended.evidence) == (error, evidence), ended
+
+
+def test_the_end_of_a_movement_shows_no_stop() -> None:
+    """Its currents end with the last target: only what lasts until it is stopped shows that it was."""
+    fading = lambda: Streamer(lambda t: line(feedback(current_state=[20 + 180 * (t < 0.03)] * 15)))  # noqa: E731
+    assert stopped(fading()).evidence and not stopped(fading(), **{ENDS: True}).evidence
 
 
 # -- the command line -------------------------------------------------------------------------------------------------

@@ -64,6 +64,16 @@ def test_a_second_homing_confirms_the_first(tmp_path: Any) -> None:
     assert run("aidin", "home", "-y", "-p", link).code == 0
 
 
+def test_a_motor_that_never_left_its_0_proves_nothing(tmp_path: Any) -> None:
+    """That another one came back to 0 shows nothing of it: an obstacle may hold it there since power-on."""
+    link = f"fake://aidin?clock=virtual&start=open&state={tmp_path / 'hand'}"
+    assert run("aidin", "encoders", "index.m1=20000", "-p", link).code == 0
+    result = run("aidin", "home", "-y", "--json", "-p", link)
+    assert (result.code, states(result), result.error["code"]) == (7, ["sent"], "homing-unproven"), result
+    assert len(doubted(result)) == ALL - 1 and "index.m1" not in doubted(result)
+    assert set(doubted(result).values()) == {"unproven"}
+
+
 @pytest.mark.parametrize("start", ["used", "homed"])
 def test_motors_that_never_moved_are_no_success(start: str) -> None:
     result = home(start=start, fault="blocked")

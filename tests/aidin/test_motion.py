@@ -9,11 +9,13 @@ from typing import Any
 import pytest
 
 from handctl.devices.aidin import homing_and_bias, motion
+from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.motion import parse
 from handctl.devices.aidin.parameter_map import ANGLES, ENCODERS, TIPS
-from handctl.errors import CheckFailed, Interrupted, LinkError, NoAnswer, ProtocolError
+from handctl.errors import CheckFailed, DeviceRefused, Interrupted, LinkError, NoAnswer, ProtocolError
 from handctl.model import stop_on_interrupt
 from handctl.model.prompts import Prompts
+from handctl.model.stop_sequence import Stopped
 from tests.aidin.support import (
     AT_ORIGIN,
     STOP,
@@ -321,6 +323,26 @@ def test_an_interrupted_movement_is_stopped() -> None:
     with pytest.raises(Interrupted):
         motion.move(hand, parse(ANGLES, ["index.q3=120"]), Prompts(), assume_homed=False)
     assert b'"hand_mode":22' in stopped_behind(link.sent)
+
+
+def test_a_hand_that_ignores_the_stop_is_told_apart() -> None:
+    """It went on to the last target of the ramp and stands there with its currents at rest: nothing shows the stop."""
+    hand, link = simulated(start="homed", load=0, fault="deaf", after=39)
+    stops = list[Stopped]()
+    hand.stop = lambda **given: stops.append(AidinHand.stop(hand, **given)) or stops[-1]  # type: ignore[func-returns-value, method-assign]
+    link.interrupt_at = link.now() + 0.8
+    with pytest.raises(Interrupted):
+        motion.move(hand, parse(ENCODERS, ["index.m3=170000"]), Prompts(), assume_homed=False)
+    assert [(one.error, one.evidence) for one in stops] == [(None, "")]
+
+
+def test_a_hand_that_moves_on_behind_ctrl_c_is_no_success() -> None:
+    """It creeps to its origin at a current that counts as none."""
+    hand, link = simulated(start="homed", fault="deaf", after=20)
+    homing_and_bias.max_torque(hand, 15)
+    link.interrupt_at = link.now() + 1.0
+    with refused(DeviceRefused, "not-stopped"):
+        homing_and_bias.initial(hand, Prompts(), assume_homed=False)
 
 
 def test_a_second_interrupt_and_a_lost_link_are_told() -> None:

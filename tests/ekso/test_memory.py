@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import time
+from collections.abc import Sequence
 from datetime import datetime, timedelta, timezone
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +20,7 @@ from handctl.devices.ekso.parameter_map import EKSO
 from handctl.devices.ekso.setting_writer import Writer
 from handctl.devices.ekso.write_policy import STEP_SECONDS, write_limits_of
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, OutputError, UsageError
+from handctl.system import user_folders
 from tests.ekso.bench import Bench, change
 from tests.ekso.commands import ME, unit
 from tests.ekso.support import SET, frame, pack
@@ -149,6 +151,84 @@ def test_a_port_that_came_back_under_another_number(tmp_path: Path, monkeypatch:
         except UsageError as exc:
             codes.append(exc.code)
     assert codes == ["", "step-limit", "step-limit"]
+
+
+PORT = {"operator": "me", "port": "/dev/ttyACM0", "place": "tty 166:0", "host": HOST, "simulated": False}
+
+
+@pytest.fixture
+def shared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder of all users of this machine."""
+    folder = tmp_path / "shared"
+    folder.mkdir()
+    monkeypatch.setattr(user_folders, "shared_folder", lambda: str(folder))
+    return folder
+
+
+def walk(
+    bench: Bench,
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    *,
+    users: Sequence[int] = (),
+    places: Sequence[str] = (),
+    last: str = "17.75",
+) -> list[str]:
+    """Three steps of a leg length, the last two too far from the first value.
+
+    Each with a state folder of its own, and of a user and at a place where there are some.
+    """
+    bench.unit.data[18] = 0x1040  # sitting
+    codes = []
+    for number, value in enumerate(("17.5", "18", last)):
+        monkeypatch.setenv("XDG_STATE_HOME", str(folder / f"state{number}"))
+        if users:
+            monkeypatch.setattr(os, "getuid", lambda user=users[number]: user)
+            monkeypatch.setattr(user_folders, "own", lambda _found: True)
+        always = {**PORT, "place": places[number]} if places else PORT
+        bench.ekso.writer = Writer(bench.port, logs(None, always), bench._ask, override=False)
+        bench.ekso.known = None
+        try:
+            bench.set(f"upper_leg_length={value}")
+            codes.append("")
+        except UsageError as exc:
+            codes.append(exc.code)
+    return codes
+
+
+@pytest.mark.parametrize("users", [(), (1000, 1000, 1000), (1000, 1001, 1000), (0, 1000, 1001)])
+def test_another_state_folder_or_user_is_no_other_device(
+    users: tuple[int, ...], bench: Bench, tmp_path: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """XDG_STATE_HOME was another one at each write: three of them moved it by 1.5 in within 1.2 s."""
+    assert walk(bench, tmp_path, monkeypatch, users=users) == ["", "step-limit", "step-limit"]
+    for file in shared.iterdir():
+        assert file.stat().st_mode & 0o777 == 0o644
+        for line in file.read_text().splitlines():
+            assert not {"operator", "user", "port", "command"} & set(json.loads(line)), "all users can read it"
+
+
+def test_what_stands_for_a_device_here_is_what_its_place_says(
+    bench: Bench, tmp_path: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = ("tcp 127.0.0.1:4001", "tcp 127.0.0.1:4002", "tcp 127.0.0.1:4002")
+    assert walk(bench, tmp_path, monkeypatch, places=places, last="18.25") == ["", "", "step-limit"]
+
+
+@pytest.mark.parametrize("what", ["folder", "foreign", "missing"])
+def test_without_the_shared_memory_nothing_is_written(
+    what: str, bench: Bench, tmp_path: Path, shared: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = shared / f"handctl-ekso-{os.getuid()}"
+    if what == "folder":
+        file.mkdir()
+    elif what == "foreign":
+        monkeypatch.setattr(user_folders, "own", lambda _found: False)
+    else:
+        shared.rmdir()
+    bench.ekso.writer = Writer(bench.port, logs(None, PORT), bench._ask, override=False)
+    assert bench.failing(OutputError, "step_length=15").code == "audit"
+    assert not [request for request in bench.unit.sent if request[0] == SET]
 
 
 @pytest.mark.parametrize("what", ["folder", "/dev/full"])

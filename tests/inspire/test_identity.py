@@ -502,12 +502,12 @@ def test_a_hand_that_answers_commands_only_is_the_users_word(tmp_path: Path) -> 
     """Nothing can be asked; but what it says unasked must not be somebody else's."""
     link = STRANGERS["silence"]()
     with on(link):
-        result = run("aidin", "max-torque", "800", "-p", "fake://aidin", "--exchange", "command", "--json")
+        result = run("aidin", "max-torque", "800", "-y", "-p", "fake://aidin", "--exchange", "command", "--json")
     assert link.sent and "not-asked" in result.codes()
     link = STRANGERS["silence"]()
     link.put(0.0, b"\r\nBarrettHand ready\r\n=> ")
     with on(link):
-        result = run("aidin", "max-torque", "800", "-p", "fake://aidin", "--exchange", "command", "--json")
+        result = run("aidin", "max-torque", "800", "-y", "-p", "fake://aidin", "--exchange", "command", "--json")
     assert (result.code, link.sent) == (6, []), result
 
 

@@ -259,7 +259,7 @@ def test_a_hand_that_streams_can_be_played(command: tuple[str, ...], tmp_path: P
     for old, new in zip(live.rows, again.rows, strict=True):  # one object earlier or later, where it is still settling
         assert {**new, "value": 0, "rad": 0} == {**old, "value": 0, "rad": 0}
         assert new.get("value") == pytest.approx(old.get("value"), abs=0.05)
-    other = run("aidin", "max-torque", "900", "-p", f"replay:{path}", "--json")
+    other = run("aidin", "max-torque", "900", "-y", "-p", f"replay:{path}", "--json")
     assert (other.code, other.error["code"]) == (3, "replay-miss")
 
 

@@ -298,7 +298,7 @@ CASES = [
     Case("aidin", "log {}/gait.csv --rate 50 --count 20 --force", 0.5, log_is_whole),
     Case("aidin", "bias", 0.8),
     Case("aidin", "stop", 0.1, begins("state", "mode 3")),
-    Case("aidin", "max-torque 700", 0.3, lambda bench: "maxtorque 700" in bench.ask("state") or pytest.fail(bench.ask("state")), ("max-torque 900",)),
+    Case("aidin", "max-torque 700 -y", 0.3, lambda bench: "maxtorque 700" in bench.ask("state") or pytest.fail(bench.ask("state")), ("max-torque 900 -y",)),
     Case("machine", "devices add left exo -p /dev/ttyUSB7 --force --json", 0.3, named, ("devices add right exo -p /dev/ttyUSB8 --force", "devices add left exo -p /dev/ttyUSB6 --force")),
     Case("machine", "devices remove right --json", 0.3, forgotten, ("devices add right exo -p /dev/ttyUSB8 --force",), again=(0, 2)),
     Case("machine", "completion bash --install --json", 0.8, completes("data/bash-completion/completions/handctl"), fresh=("data/bash-completion/completions/handctl",)),

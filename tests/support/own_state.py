@@ -42,8 +42,11 @@ def scratch() -> Iterator[Path]:
 def begin() -> None:
     """A new empty state: for locks, for the simulators behind a plain --fake, for what was learned of links.
 
-    A place that a test has chosen itself stays.
+    A place that a test has chosen itself stays. What all users of a machine share has no variable: it lies with the rest.
     """
+    from handctl.system import user_folders  # not sooner: a mistake is seeded before handctl is imported
+
+    user_folders.shared_folder = lambda: MADE[-1] if MADE else tempfile.gettempdir()
     if os.environ["XDG_STATE_HOME"] not in ("", *MADE):
         return
     if not (MADE and _untouched(MADE[-1])):

@@ -95,7 +95,7 @@ SERVED = {
         "watch --count 3 --csv",
         "cancel --yes",
     ),
-    "aidin": ("status", "get motor_pos", "home --yes", "watch --count 3 --csv", "max-torque 500"),
+    "aidin": ("status", "get motor_pos", "home --yes", "watch --count 3 --csv", "max-torque 500 --yes"),
 }
 """Lines over a served simulator, each on a device fresh from power-on: over a COM port, the AIDIN-hand over TCP."""
 LIVE = ("watch", "log", "realtime", "report", "stop", "max-torque")

@@ -36,7 +36,7 @@ SILENCE = 0.3
 
 By then another master has sent something, and what still moves has gone farther than a reading changes at rest."""
 MOST = 65536
-"""Most bytes that are read for one reply: a line full of noise must not delay the next step."""
+"""Most bytes that are read for one reply: a line full of noise must not delay the next step. A silence has its full time."""
 
 Pieces = list[bytes]
 """What came back: chunks of a byte stream, or the data of CAN frames that have the identifier of the request."""
@@ -259,7 +259,7 @@ def _bytes(link: ByteLink, action: StopStep, pieces: Pieces, went: Callable[[], 
         went()
     wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits
     deadline = link.deadline(action.seconds + wire * (len(action.step.data) + action.size))
-    while not deadline.expired and sum(map(len, pieces)) < MOST:
+    while not deadline.expired and (action.step is QUIET or sum(map(len, pieces)) < MOST):
         chunk = link.read(deadline)
         if not chunk:
             return

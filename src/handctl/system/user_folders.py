@@ -49,6 +49,24 @@ def private_folders() -> list[str]:
     return [*found, os.path.join(os.environ.get("TMPDIR") or "/tmp", f"handctl-{user}")]  # noqa: S108 - made 0700, checked
 
 
+def shared_folder() -> str:
+    """Where each user of this machine may put a file that the others read. On POSIX no variable moves it."""
+    return os.environ.get("PROGRAMDATA", "C:\\ProgramData") if sys.platform == "win32" else "/tmp"  # noqa: S108 - the owner is checked
+
+
+def shared_file(name: str) -> str:
+    """The file of this user there: `name` and whose it is."""
+    if sys.platform == "win32":
+        return os.path.join(shared_folder(), name + os.environ.get("USERNAME", ""))
+    return os.path.join(shared_folder(), f"{name}{os.getuid()}")
+
+
+def let_all_read(descriptor: int) -> None:
+    """Let the other users read a file, whatever the umask. Raises OSError."""
+    if sys.platform != "win32":
+        os.fchmod(descriptor, 0o644)
+
+
 def own_folder(folder: str, *, make: bool = False) -> bool:
     """Whether a folder is this user's, not to be trusted otherwise; with `make` a missing one is made. Raises OSError."""
     if make and not os.path.isdir(folder):

@@ -6,7 +6,47 @@ FRAMES = "handctl.devices.ekso.frames"
 PORT = "handctl.devices.ekso.dataport"
 SETTINGS = "handctl.devices.ekso.setting_writer"
 
+NEVER = "tests/ekso/test_never_sent.py::test_what_hides_a_command_is_refused"
+
+SHARED = "tests/ekso/test_memory.py::test_another_state_folder_or_user_is_no_other_device"
+
 ROWS = (
+    mistake(
+        "ekso-steps-forgotten-with-the-state-folder",
+        "gate removed",
+        "handctl.devices.ekso.audit_log",
+        "logs",
+        "shared = None if played else Shared(always)",
+        "shared = None",
+        SHARED,
+    ),
+    mistake(
+        "ekso-steps-forgotten-with-the-user",
+        "gate removed",
+        "handctl.devices.ekso.audit_log",
+        "recent",
+        "found = [past for log in audit.every for one in log.read for past in _recent(one, now)]",
+        "found = [past for log in audit.every for past in _recent(log, now)]",
+        SHARED,
+    ),
+    mistake(
+        "ekso-movement-started-by-typed-bytes",
+        "gate removed",
+        "handctl.devices.ekso.device",
+        "Ekso.plan_typed",
+        "if START_MOVEMENT in data:",
+        "if data[:1] == bytes([START_MOVEMENT]) and len(data) > 1:",
+        NEVER,
+    ),
+    mistake(
+        "ekso-setting-typed-in-pieces",
+        "gate removed",
+        "handctl.devices.ekso.device",
+        "Ekso.plan_typed",
+        'if not piece.frame or piece.fields["command"] not in READS.values()',
+        'if piece.frame and piece.fields["command"] not in READS.values()',
+        NEVER,
+    ),
     mistake(
         "ekso-contradiction-is-a-duplicate",
         "false success",
@@ -143,19 +183,18 @@ ROWS = (
         "ekso-memory-of-a-port",
         "one witness believed",
         "handctl.devices.ekso.audit_log",
-        "_counts",
-        'if not (entry.get("simulated") or always.get("simulated")):',
+        "AuditLog.counts",
+        'if not (entry.get("simulated") or self.always.get("simulated")):',
         "if not entry:",
         "tests/ekso/test_memory.py::test_what_counts",
-        "tests/ekso/test_memory.py::test_a_port_that_came_back_under_another_number",
     ),
     mistake(
         "ekso-memory-of-one-log",
         "one witness believed",
         "handctl.devices.ekso.audit_log",
         "logs",
-        "return own if file is None or clash(file, own.path) else AuditLog(Path(file), always, memory=own)",
-        "return own if file is None or clash(file, own.path) else AuditLog(Path(file), always)",
+        "return mine if file is None or clash(file, mine.path) else AuditLog(Path(file), always, memory=mine)",
+        "return mine if file is None or clash(file, mine.path) else AuditLog(Path(file), always)",
         "tests/ekso/test_memory.py::test_an_audit_log_of_its_own_for_each_write_changes_nothing",
         "tests/ekso/test_memory.py::test_without_the_memory_nothing_is_written",
     ),

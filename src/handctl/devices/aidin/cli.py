@@ -100,11 +100,12 @@ def bias(run: Run) -> PlannedAction:
     )
 
 
-@cli.verb("max-torque", "Settings", writes=True)
+@cli.verb("max-torque", "Settings", writes=True, asks=True)
 @click.argument("value", metavar="N")
 def max_torque(run: Run, value: str) -> PlannedAction:
     """Set the maximum torque (output current), 0 to 1000 in units of 0.1 %.
 
+    Asks first: the hand does not report its targets, and if you raise the limit, a finger may continue its movement.
     700 to 1000 is recommended.
 
     It cannot be read back."""
@@ -116,7 +117,11 @@ def max_torque(run: Run, value: str) -> PlannedAction:
     steps = [_step(run, f"maximum torque, every 20 ms for {seconds:g} s", Mode.MAXTORQUE, maxtorque=number)]
     if number < RECOMMENDED:
         run.journal.warn("low-torque", f"maxtorque {number}: 700 to 1000 is recommended ({param.source})")
-    question = "Without torque the fingers do not move, and may drop a held object" if number == 0 else ""
+    question = (
+        "Fingers that a lower limit has held back may MOVE to their targets, which the hand does not report. Keep clear"
+        if number
+        else "Without torque the fingers do not move, and may drop a held object"
+    )
     return PlannedAction(steps, lambda hand: homing_and_bias.max_torque(hand, number), question)
 
 

@@ -12,7 +12,7 @@ from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_o
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, AidinParam, Mode, some
-from handctl.devices.aidin.stopper import FLOWED, flow
+from handctl.devices.aidin.stopper import ENDS, FLOWED, flow
 from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.device_clock import Moment
@@ -50,6 +50,8 @@ class AidinHand(Device):
     def __init__(self, conversation: Conversation) -> None:
         super().__init__(conversation)
         self.conversation = conversation
+        self.ends = False
+        """What the hand is driven with ends without a stop, too: it holds the last place then."""
 
     @property
     def line_end(self) -> bytes:  # type: ignore[override]
@@ -60,11 +62,11 @@ class AidinHand(Device):
         self.conversation.identify()
 
     def stop_context(self) -> StopContext:
-        """What ends an object is known, and whether the last feedback showed a current."""
+        """What ends an object is known, whether the last feedback showed a current, and what that shows."""
         context = super().stop_context()
         end = next(name for name, data in TERMINATORS.items() if data == self.conversation.way.end)
         currents = self.conversation.feedback.values.get("current_state", (0,))
-        own = {"tx_terminator": end, FLOWED: flow(currents)}
+        own = {"tx_terminator": end, FLOWED: flow(currents), ENDS: self.ends}
         return context._replace(settings=context.settings._replace(own=own))
 
     # -- reading -------------------------------------------------------------------------------------------------
@@ -270,14 +272,15 @@ def in_force(what: str, *, moving: bool = True) -> AbstractContextManager[None]:
 
 @contextmanager
 def stopped_if_cut_short(
-    hand: AidinHand, prompts: Prompts, what: str = "", *, heartbeat: float = 0.0
+    hand: AidinHand, prompts: Prompts, what: str = "", *, heartbeat: float = 0.0, ends: bool = True
 ) -> Iterator[None]:
     """Around a movement: Ctrl-C and any unexpected error stop the hand before anything is reported.
 
     The death of this process stops it, too. Where the link was lost it is opened again for that, whatever was to be kept
-    up: nobody sees the hand any more.
+    up: nobody sees the hand any more. Without `ends` the hand is driven until a stop (see AidinHand).
     """
     driven = False
+    hand.ends = ends
     try:
         with hand.driven(prompts, heartbeat=heartbeat, what=what), hand.conversation.guarded():
             hand.journal.moves(hand.stop)
@@ -302,6 +305,8 @@ def stopped_if_cut_short(
         else:
             exc.hint = f"{MENDED}: {_told(stopped)}"
         raise
+    finally:
+        hand.ends = False
 
 
 def _stop_again(hand: AidinHand, prompts: Prompts, presses: int) -> tuple[Stopped | None, str]:

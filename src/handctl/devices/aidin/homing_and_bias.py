@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import cache
 
 from handctl.devices.aidin.device import (
     AidinHand,
@@ -24,7 +23,16 @@ from handctl.devices.aidin.device import (
 from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
-from handctl.devices.aidin.parameter_map import AIDIN, AidinParam, Mode, some
+from handctl.devices.aidin.parameter_map import (
+    AIDIN,
+    MOTOR_POS,
+    STILL,
+    AidinParam,
+    Mode,
+    moving,
+    some,
+    stroke,
+)
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
 from handctl.families import FAMILIES
@@ -53,13 +61,10 @@ GOES_ON = "no stop was sent, so the hand probably continues to its origin. `hand
 
 # -- what the way of a motor proves ---------------------------------------------------------------------------------
 
-MOTOR_POS = AIDIN["motor_pos"]
 AT_ORIGIN = 0.01
 """Share of a stroke within which a motor counts as at 0."""
 AT_STOP = 0.02
 """Share of a stroke within which a motor counts as at its open stop."""
-STILL = 0.001
-"""Share of a stroke that a motor may change from one look to the next and still stand."""
 LEAP = 3
 """A motor that changes so many times faster than just before, from one look to the next, was not driven there."""
 RESTED = 0.5
@@ -185,27 +190,14 @@ def _verdict(way: TravelDirection, known: bool, went: bool) -> Verdict:
         return Verdict.MOVING
     if way.share(way.travelled) >= 1.0 - AT_STOP:
         return Verdict.STROKE
+    # Each motor for itself: of one that never left its place nothing shows what holds it there.
     if known and abs(way.share(way.rest)) <= AT_STOP:
-        return Verdict.OPEN
+        return Verdict.OPEN if abs(way.share(way.travelled)) > AT_STOP else Verdict.UNPROVEN
     if abs(way.share(way.travelled)) <= AT_STOP and (went or abs(way.share(way.start)) > AT_STOP):
         return Verdict.STAYED
     if known:
         return Verdict.BEYOND if way.rest < 0 else Verdict.SHORT
     return Verdict.UNPROVEN
-
-
-@cache
-def stroke(index: int) -> float:
-    limit = MOTOR_POS.limit(index)
-    assert limit is not None
-    return limit[1] - limit[0]
-
-
-def moving(before: tuple[Number, ...] | None, now: tuple[Number, ...]) -> list[int]:
-    """Motors whose encoder has changed by more than jitter; all of them without a look before."""
-    if before is None:
-        return list(range(len(now)))
-    return [i for i, (a, b) in enumerate(zip(before, now, strict=True)) if abs(b - a) > stroke(i) * STILL]
 
 
 # -- homing ----------------------------------------------------------------------------------------------------------
@@ -276,15 +268,20 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(unproven)}, because nothing shows that they came to rest at their open stop: {_told(unproven)}",
             hint=(
-                f"{LEFT}. Check that all fingers are fully open; if they are, the hand is homed. To have that confirmed, close the fingers part of the way, for example with `handctl aidin encoders`, and home again. Each motor must come to rest at the same position"
+                f"{LEFT}. Check that all fingers are fully open and that nothing holds them; if so, the hand is homed. To have that confirmed, close the fingers all the way and home again: each motor must go its whole stroke, and the 0 of one that cannot is not its open stop"
             ),
             code="homing-unproven",
         )
     else:
-        hand.journal.ledger.confirm("each motor came to rest at its open stop and is at 0", since=mark)
+        hand.journal.ledger.confirm(
+            "each motor came to rest at an earlier 0 or behind its whole stroke, and is at 0", since=mark
+        )
         hand.journal.info(
             "homed",
-            "homed: each motor came to rest at its open stop, which was either the 0 of an earlier homing or the end of its full stroke, and now reads 0. The hand was left in homing mode, and nothing more is sent",
+            "homed: each motor came to rest at the 0 of an earlier homing or at the end of its full stroke, and now reads 0. The hand was left in homing mode, and nothing more is sent",
+            ""
+            if all(way.verdict is Verdict.STROKE for way in ways)
+            else "if the hand had not been homed before, check that all fingers are fully open: an obstacle at the 0 of its power-on looks the same",
         )
     return table
 

@@ -37,7 +37,7 @@ EXAMPLES = (
     ("handctl aidin check -p tcp://192.168.0.20", "Test each motor and sensor of an open, empty hand. Asks first."),
     ("handctl aidin check -n --fake", "Show the messages that would be sent."),
     ("handctl aidin bias -p tcp://192.168.0.20", "Set the sensors to 0 at their current load."),
-    ("handctl aidin max-torque 300 -p tcp://192.168.0.20", "Limit the current of all motors."),
+    ("handctl aidin max-torque 300 -p tcp://192.168.0.20", "Limit the current of all motors. Asks first."),
     *((f"handctl aidin {line} -n --fake", "Show the message that would be sent.") for line in DRY),
 )
 

@@ -476,7 +476,7 @@ def currents(
     drive = _Drive(hand, goal, prompts)
     ledger = hand.journal.ledger
     ledger.plan([last_step(goal, values, hand.conversation.way.end)])
-    with stopped_if_cut_short(hand, prompts, heartbeat=heartbeat):
+    with stopped_if_cut_short(hand, prompts, heartbeat=heartbeat, ends=False):
         with stopped_on_error(hand, prompts):
             try:
                 table = drive.run(values, seconds, blind=blind)

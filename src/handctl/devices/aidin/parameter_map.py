@@ -210,6 +210,23 @@ AIDIN = AidinMap("aidin", [
 
 FEEDBACK = tuple(param for param in AIDIN if param.readable)
 """The five keys that the hand sends."""
+MOTOR_POS = AIDIN["motor_pos"]
+STILL = 0.001
+"""Share of a stroke that a motor may change from one look to the next and still stand."""
+
+
+def stroke(index: int) -> float:
+    """The counts of a motor from open to closed."""
+    limit = MOTOR_POS.limit(index)
+    assert limit is not None
+    return limit[1] - limit[0]
+
+
+def moving(before: tuple[Number, ...] | None, now: tuple[Number, ...]) -> list[int]:
+    """Motors whose encoder has changed by more than jitter; all of them without a look before."""
+    if before is None:
+        return list(range(len(now)))
+    return [i for i, (a, b) in enumerate(zip(before, now, strict=True)) if abs(b - a) > stroke(i) * STILL]
 
 
 def some(texts: Sequence[str], most: int = 4) -> str:

@@ -1,6 +1,7 @@
 """The stop of an AIDIN-hand: mode 3, motor power off, in poll as in stream (aidin, Modes: stop).
 
-There is no acknowledge: only currents that are near 0 afterwards show anything (dossier 3).
+There is no acknowledge, and the feedback has no mode: only motors that stand and currents that are near 0 afterwards show
+anything (dossier 3).
 """
 
 from __future__ import annotations
@@ -10,78 +11,130 @@ from contextlib import suppress
 
 from handctl.devices.aidin.exchange_settings import PERIOD
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, encode, numbers
-from handctl.devices.aidin.parameter_map import AIDIN, Mode
+from handctl.devices.aidin.parameter_map import CURRENTS, MOTOR_POS, Mode, moving, some
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
+from handctl.model.stop_sequence import (
+    Pieces,
+    StopContext,
+    Stopped,
+    StopSequence,
+    StopStep,
+    did_not_last,
+    not_seen_again,
+    silence,
+)
+
+Counts = tuple[int, ...]
 
 TIMES = 3
 CONFIRM = 60
 """Periods in which the currents may vanish, 1.2 s: also a slow stream has spoken by then."""
 NO_CURRENT = 20
 """2 % of 1000."""
-FLOWED = "flowed"
-"""Key of the context: the feedback before the stop showed a current."""
+LOOKS = 3
+"""Silences, with a stop before each, after which a motor may still coast: a second in all."""
+FLOWED, ENDS = "flowed", "ends"
+"""Keys of the context: the feedback before the stop showed a current, and it ends without a stop, as that of a movement to a
+place does, so that its end shows nothing."""
 HINT = "watch the hand, and switch its power off if it still moves"
 
 
 def stop_steps(context: StopContext) -> StopSequence:
     """Send the stop mode three times, then until the hand reports that no current flows; then check again after a silence.
 
-    What it tells between two of our own objects shows nothing: somebody else may command currents 50 times a second.
+    What it tells between two of our own objects shows nothing: somebody else may command currents 50 times a second. A motor
+    that turns is not stopped, however low its current.
     """
-    end = TERMINATORS[context.settings.own.get("tx_terminator") or "newline"]
+    own = context.settings.own
+    end = TERMINATORS[own.get("tx_terminator") or "newline"]
     data = encode({"hand_mode": Mode.STOP})
     action = StopStep(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
-    told: tuple[int, ...] | None = None
-    flowed, heard, spoke = bool(context.settings.own.get(FLOWED)), False, False
-    decoder = Decoder()
+    told: Counts | None = None
+    flowed, heard, spoke = bool(own.get(FLOWED)), False, False
+    decoder, places = Decoder(), list[Counts]()
     for count in range(TIMES + CONFIRM):
         pieces = yield action
         heard = heard or bool(pieces)
-        for currents in _currents(decoder, pieces):
-            told = currents
-            flowed = flowed or flow(currents)
+        currents, seen = _told(decoder, pieces)
+        places = seen or places
+        for told in currents:
+            flowed = flowed or flow(told)
         if count == TIMES - 1:
             spoke, heard, told = told is not None, False, None  # what it said until now may be older than the stop
         elif count >= TIMES and told is not None and not flow(told):
             break
-    falls = "the fingers move freely, and a held object falls"
+    if not heard:
+        since = "the hand has sent nothing since" if spoke else "the hand sends nothing"
+        return Stopped(f"stop was sent repeatedly but is not confirmed: {since}", HINT, NoAnswer)
+    going = list[int]()
+    for count in range(LOOKS):
+        if count:
+            places = _told(decoder, (yield action))[1] or places
+        since_then, seen = _told(decoder, (yield from silence()))
+        if not since_then and not seen:
+            since_then, seen = _told(decoder, (yield action))
+        places = [*places[-1:], *seen]
+        going = moving(places[0], places[-1]) if places else []
+        if not going:
+            break
+    return _judged(told, since_then, going, flowed and not own.get(ENDS), spoke, len(places) > 1)
+
+
+def _judged(
+    told: Counts | None, since_then: list[Counts], going: list[int], flowed: bool, spoke: bool, stands: bool
+) -> Stopped:
+    """The result, from the currents `told` behind the last stop and `since_then`, and the motors that are still `going`.
+
+    flowed  a current that had nothing but the stop to end it
+    spoke   the hand told its currents before
+    stands  the positions were told as well
+    """
+    if going:
+        names = some([MOTOR_POS.elements[index] for index in going])
+        stopped = did_not_last(Stopped("stop was sent"), f"{names} still {'moves' if len(going) == 1 else 'move'}")
+        return stopped._replace(hint=f"{stopped.hint}. Without power a finger can also fall, or be moved by hand")
     if told is None:
-        text = "stop was sent repeatedly but is not confirmed: "
-        since = (
-            ("the feedback since then", "the hand has sent nothing since")
-            if spoke
-            else ("the feedback", "the hand sends nothing")
-        )
-        text += f"{since[0]} has no currents" if heard else since[1]
-        return Stopped(text, HINT, ProtocolError if heard else NoAnswer)
+        since = "the feedback since then" if spoke else "the feedback"
+        text = f"stop was sent repeatedly but is not confirmed: {since} has no currents"
+        return Stopped(text, HINT, ProtocolError)
     if flow(told):
-        return Stopped(f"stop was sent, but currents up to {max(map(abs, told))} still flow", HINT, CheckFailed)
-    since_then = _currents(decoder, (yield from silence())) or _currents(decoder, (yield action))
-    if any(map(flow, since_then)):
-        peak = max(max(map(abs, one)) for one in since_then)
+        if not since_then or flow(since_then[-1]):
+            return Stopped(f"stop was sent, but currents up to {_peak(told)} still flow", HINT, CheckFailed)
+    elif any(map(flow, since_then)):
+        peak = max(map(_peak, since_then))
         return did_not_last(Stopped("stop was sent, and the currents stopped"), f"currents up to {peak} flow again")
-    if not flowed:
-        text = "stop was sent, and no current flows. It was not seen whether any was flowing before, so the feedback "
-        return Stopped(f"{text}does not show that the motors are off", "if in doubt, switch the hand's power off")
     if not since_then:
-        return Stopped(f"stop was sent, and the currents stopped: {falls}. The hand has sent nothing since", HINT)
-    return Stopped(f"stop was sent, and the currents stopped: {falls}", evidence="the currents stopped")
+        return not_seen_again(Stopped("stop was sent, and the currents stopped"))
+    if not stands:
+        text = "stop was sent, and the currents stopped, but the feedback has no motor positions"
+        return Stopped(f"{text}, so it is not known whether the hand still moves", HINT, ProtocolError)
+    if flowed:
+        text = "stop was sent, and the currents stopped: the fingers move freely, and a held object falls"
+        return Stopped(text, evidence="the currents stopped")
+    text = f"stop was sent, the motors stand, and no current is above {NO_CURRENT}. It was not seen that the stop ended one"
+    return Stopped(
+        f"{text}, so the feedback does not show that the motors are off", "if in doubt, switch the hand's power off"
+    )
 
 
 def flow(currents: Sequence[float]) -> bool:
     """Whether these currents are more than jitter."""
-    return max(map(abs, currents)) > NO_CURRENT
+    return _peak(currents) > NO_CURRENT
 
 
-def _currents(decoder: Decoder, pieces: Pieces) -> list[tuple[int, ...]]:
-    """The motor currents in the received data, in 0.1 %; damaged data is skipped."""
+def _peak(currents: Sequence[float]) -> float:
+    return max(map(abs, currents))
+
+
+def _told(decoder: Decoder, pieces: Pieces) -> tuple[list[Counts], list[Counts]]:
+    """The motor currents in the received data, in 0.1 %, and the encoders; damaged data is skipped."""
     decoder.feed(b"".join(pieces))
-    found: list[tuple[int, ...]] = []
+    found = list[Counts](), list[Counts]()
     for content in frames_in(decoder):
-        if "current_state" in content:
-            with suppress(ProtocolError):
-                found.append(tuple(int(one) for one in numbers(content["current_state"], AIDIN["current_state"].count)))
+        for param, values in zip((CURRENTS.feedback, MOTOR_POS), found, strict=True):
+            if param.key in content:
+                with suppress(ProtocolError):
+                    values.append(tuple(int(one) for one in numbers(content[param.key], param.count)))
     return found

@@ -26,7 +26,7 @@ from handctl.devices.ekso.write_policy import STEP_SECONDS
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import clash, in_turn, opened, state_path
 from handctl.model.result import Journal
-from handctl.system import disk, file_locks
+from handctl.system import disk, file_locks, user_folders
 
 TURN_SECONDS = 0.2
 """No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
@@ -42,17 +42,21 @@ def default_path() -> Path:
 
 
 def logs(file: str | Path | None, always: dict[str, Any]) -> AuditLog:
-    """The log that a write is noted in: FILE, and whatever it is the user's own, which remembers for every port and FILE."""
-    own = AuditLog(default_path(), always, own_hint=OWN_HINT)
-    return own if file is None or clash(file, own.path) else AuditLog(Path(file), always, memory=own)
+    """The log that a write is noted in: FILE, whatever it is the user's own, and of a device what all users of this machine share."""
+    played = always.get("simulated") or str(always.get("port")).startswith("replay:")  # no device of this computer
+    shared = None if played else Shared(always)
+    mine = AuditLog(default_path(), always, own_hint=OWN_HINT, memory=shared)
+    return mine if file is None or clash(file, mine.path) else AuditLog(Path(file), always, memory=mine)
 
 
 class AuditLog:
     """An append-only file; every entry is on the disk when `record` returns, and nothing is held open between entries.
 
     `always` stands in every entry: operator, user, host, port, the place it leads to, tool version.
-    `memory` is a second log that gets every entry too.
+    `memory` is a further log that gets every entry too; `personal`: it is for people, who are told what is wrong with it.
     """
+
+    personal = True
 
     def __init__(
         self, path: Path, always: dict[str, Any], *, memory: AuditLog | None = None, own_hint: str = FILE_HINT
@@ -65,7 +69,18 @@ class AuditLog:
     @property
     def every(self) -> tuple[AuditLog, ...]:
         """The logs that get each entry."""
-        return (self,) if self.memory is None else (self.memory, self)
+        return (self,) if self.memory is None else (*self.memory.every, self)
+
+    @property
+    def read(self) -> tuple[AuditLog, ...]:
+        """The logs that tell the last writes in its place: itself."""
+        return (self,)
+
+    def counts(self, entry: Mapping[str, Any]) -> bool:
+        """Whether the entry may be of the device that is written to now."""
+        if not (entry.get("simulated") or self.always.get("simulated")):
+            return True
+        return bool(entry.get("place", entry.get("port")) in (self.always.get("place"), self.always.get("port")))
 
     def check(self) -> None:
         """Make sure that entries can be written, before anything is sent. Raises OutputError."""
@@ -156,17 +171,20 @@ class AuditLog:
         """
         now = datetime.now(timezone.utc).isoformat(timespec="milliseconds")
         entry = {"event": event, "utc": now, "host_monotonic_s": round(host_s, 6), **self.always, **fields}
-        text = json.dumps(entry, ensure_ascii=False).encode("utf-8", "backslashreplace")
         failure: OutputError | None = None
         for log in reversed(self.every):  # the memory last: what it holds was not refused by another log
             try:
-                log._append(text)
+                log._append(json.dumps(log._kept(entry), ensure_ascii=False).encode("utf-8", "backslashreplace"))
             except OutputError as exc:
                 failure = failure or exc
                 if event == "intent":
                     break
         if failure is not None:
             raise failure
+
+    def _kept(self, entry: dict[str, Any]) -> dict[str, Any]:
+        """What of an entry stands in this log."""
+        return entry
 
     def _append(self, text: bytes) -> None:
         with self._opened() as file:
@@ -176,6 +194,102 @@ class AuditLog:
                 # half a line of a killed writer, perhaps of another handctl: this entry starts a line of its own
                 _write_all(file, b"\n" + line if disk.torn(file) else line)
             disk.sync(file)
+
+
+# -- what all users of this machine share: another user, or another state folder, is no other device ----------------------
+#
+# Each user has a file that all may read and nobody else may write, in a folder that no variable moves. It holds what the steps
+# need and nobody's name, and begins anew when its entries have long been of no use.
+
+
+class _Readable(AuditLog):
+    """The file of another user: nothing is written to it."""
+
+    personal = False
+    flags, permissions = os.O_RDONLY, 0
+
+    @contextmanager
+    def _opened(self) -> Iterator[int]:
+        try:
+            file = os.open(self.path, self.flags | disk.NO_LINK | disk.BINARY, self.permissions)
+            try:
+                self._look(os.fstat(file), file)
+                yield file
+            finally:
+                os.close(file)
+        except OSError as exc:
+            raise write_checks.refusal(
+                write_checks.LOG, f"{self.path}: {self.unusable}: {exc.strerror or exc}", SHARED_HINT
+            ) from exc
+
+    unusable = "the last writes of another user cannot be read"
+
+    def _look(self, found: os.stat_result, file: int) -> None:
+        """Raises OSError where it is not what it should be."""
+        if not stat.S_ISREG(found.st_mode):
+            raise OSError(errno.EINVAL, "not a regular file")
+
+    def counts(self, entry: Mapping[str, Any]) -> bool:
+        """What runs on this machine and stands for a device is what its place says; of devices nothing tells one from another."""
+        return bool(entry.get("local") == self.always["local"])
+
+
+class Shared(_Readable):
+    """This user's file of the last writes."""
+
+    flags, permissions = os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644
+    unusable = "the last writes cannot be kept for the other users of this computer"
+
+    def __init__(self, always: Mapping[str, Any]) -> None:
+        kept = {"host": always.get("host"), "local": local(str(always.get("place")))}
+        super().__init__(Path(user_folders.shared_file(SHARED_NAME)), kept)
+
+    @property
+    def read(self) -> tuple[AuditLog, ...]:
+        """Its own, and those of the other users."""
+        try:
+            found = sorted(self.path.parent.glob(f"{SHARED_NAME}*"))
+        except OSError:
+            found = []  # `check` tells why
+        return (self, *(_Readable(path, self.always) for path in found if path != self.path))
+
+    def _look(self, found: os.stat_result, file: int) -> None:
+        super()._look(found, file)
+        if not user_folders.own(found):
+            raise OSError(errno.EPERM, "it belongs to another user")
+        if stat.S_IMODE(found.st_mode) != self.permissions:  # a file that others cannot read is no memory
+            user_folders.let_all_read(file)
+
+    def _kept(self, entry: dict[str, Any]) -> dict[str, Any]:
+        kept: dict[str, Any] = {
+            key: entry[key] for key in ("event", "utc", "host_monotonic_s", "name", "verdict") if key in entry
+        }
+        kept |= {key: {"raw": entry[key]["raw"]} for key in ("old", "new") if key in entry}
+        return kept | self.always
+
+    def _append(self, text: bytes) -> None:
+        if datetime.now(timezone.utc).timestamp() - self.changed_at() > FORGOTTEN_SECONDS:
+            with self._opened() as file:
+                os.ftruncate(file, 0)
+        super()._append(text)
+
+
+SHARED_NAME = "handctl-ekso-"
+SHARED_HINT = "remove the file. No setting is written as long as the last writes to the device are not known"
+FORGOTTEN_SECONDS = 3600.0
+"""So long after its last entry the shared file begins anew: it has no use behind STEP_SECONDS, whatever the clock was set to."""
+
+
+def local(place: str) -> str | None:
+    """What stands for a device on this machine itself, a simulator or a bridge: a pseudo-terminal, or a port of its own; else None.
+
+    The number of a pseudo-terminal is soon another one's, so its age goes with it.
+    """
+    if found := re.fullmatch(r"tty 13[6-9]:(\d+)|tty 14[0-3]:(\d+)", place):
+        with suppress(OSError):
+            place += f" {os.stat(f'/dev/pts/{found[1] or found[2]}').st_ctime_ns}"
+        return place
+    return place if re.match(r"tcp (127\.|localhost|\[?::1)", place) else None
 
 
 def _tail(file: int) -> tuple[list[bytes], bool]:
@@ -346,7 +460,7 @@ def recent(audit: AuditLog, now: float) -> list[Past]:
 
     A write whose result nobody noted counts. Raises CheckFailed where a log does not tell: nothing may be written then.
     """
-    found = [past for log in audit.every for past in _recent(log, now)]
+    found = [past for log in audit.every for one in log.read for past in _recent(one, now)]
     return sorted(found, key=lambda past: past.at, reverse=True)
 
 
@@ -354,7 +468,7 @@ def _recent(audit: AuditLog, now: float) -> list[Past]:
     found: list[Past] = []
     ended: dict[str, tuple[float, bool]] = {}
     for entry in _entries(audit):
-        if not _counts(entry, audit.always):
+        if not audit.counts(entry):
             continue
         age = _age(entry, now, audit)
         name = str(entry["name"])
@@ -399,13 +513,6 @@ def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
 def _half(line: bytes) -> bool:
     """Half a line of a killed writer: an intent that was not whole on the disk was never sent, and a result follows its intent."""
     return line.startswith(b'{"event"') and not line.rstrip().endswith(b"}")
-
-
-def _counts(entry: Mapping[str, Any], always: Mapping[str, Any]) -> bool:
-    """Whether the entry may be of the device that is written to now."""
-    if not (entry.get("simulated") or always.get("simulated")):
-        return True
-    return bool(entry.get("place", entry.get("port")) in (always.get("place"), always.get("port")))
 
 
 def _age(entry: Mapping[str, Any], now: float, audit: AuditLog) -> float:

@@ -268,7 +268,7 @@ def _audit_options(body: Callable[..., Any]) -> Callable[..., Any]:
         metavar="FILE",
         type=OutFile(grows=True),
         help="A second audit log, as well as ekso-audit.jsonl in the user's state folder. Without a log no setting is written. The "
-        "step limits use the last writes in ekso-audit.jsonl, so they apply to every port and FILE.",
+        "step limits use the last writes of all users of this computer, so they apply to every port and FILE.",
     )(body)
     return click.option("--operator", cls=FamilyOption, of="ekso")(body)
 
@@ -319,7 +319,7 @@ def give_writer(run: Run, ekso: Ekso, file: str | None, *, override: bool, stepw
 
     audit = logs(file, _always(run))
     audit.check()
-    for log in audit.every:
+    for log in [log for log in audit.every if log.personal]:
         _tell_edited(run, log)
         _tell_unfinished(run, log)
     ekso.writer = Writer(ekso.port, audit, ask, override=override, stepwise=stepwise, prompts=run.prompts)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.frames import READS, Command, cancel_body, status_text
+from handctl.devices.ekso.frames import READS, START_MOVEMENT, Command, cancel_body, status_text
 from handctl.devices.ekso.parameter_map import (
     CLOCKS,
     DATA,
@@ -166,11 +166,27 @@ class Ekso(Device):
     # -- typed bytes ---------------------------------------------------------------------------------------------
 
     def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str] | None:
-        """What writes is sent by its own command only, which writes the audit log."""
+        """What writes is sent by its own command only, which writes the audit log; what starts a movement by none.
+
+        There is no start byte, and the device may wait for the rest of a frame for as long as it likes: a byte that is one of these
+        commands may begin it wherever no whole request to read stands, and that of the movement anywhere.
+        """
         from handctl.devices.ekso.explain_bytes import explainer
 
-        writing: dict[object, str] = {Command.SET_VALUE: "set", Command.CANCEL_ACTION: "cancel"}
-        found = [verb for piece in explainer().decode(data, HOST) if (verb := writing.get(piece.fields.get("command")))]
+        if START_MOVEMENT in data:
+            raise UsageError(
+                f"the byte {START_MOVEMENT:02X} may begin command {START_MOVEMENT}, which starts a movement and is never sent",
+                hint="start a movement at the EksoNR itself. In a request to read, use another msgID. Nothing was sent.",
+                code="never-sent",
+            )
+        writing = {int(Command.SET_VALUE): "set", int(Command.CANCEL_ACTION): "cancel"}
+        found = [
+            verb
+            for piece in explainer().decode(data, HOST)
+            if not piece.frame or piece.fields["command"] not in READS.values()
+            for byte in piece.raw
+            if (verb := writing.get(byte))
+        ]
         if found:
             raise UsageError(
                 "a frame that writes is not sent as typed, because it would be missing from the audit log",

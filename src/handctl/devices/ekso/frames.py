@@ -65,6 +65,8 @@ class Exchange(NamedTuple):
         return not self.words
 
 
+START_MOVEMENT = 157
+"""Met in the field, not in the manual. handctl never sends it."""
 EXCHANGES = {
     row.command: row
     for row in (
@@ -77,7 +79,7 @@ EXCHANGES = {
         Exchange(Command.CANCEL_ACTION, "CancelAction", 2, (2,)),
         *(
             Exchange(command, f"command {command}", None, (size,))
-            for command, size in ((157, 2), (158, 6), (159, 2), (160, 2))
+            for command, size in ((START_MOVEMENT, 2), (158, 6), (159, 2), (160, 2))
         ),
     )
 }

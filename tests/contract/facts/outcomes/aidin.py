@@ -25,7 +25,7 @@ ROWS = (
     Row("initial", "move", ("initial",), asks=True),
     Row("stop", "command", ("stop",)),
     Row("bias", "command", ("bias",)),
-    Row("max-torque", "command", ("max-torque", "800")),
+    Row("max-torque", "command", ("max-torque", "800"), asks=True),
     Row("encoders", "move", ("encoders", "index.m3=85000")),
     Row("joints", "move", ("joints", "index.q3=130", "thumb.q1=10")),
     Row("currents", "move", ("currents", "index.m3=100"), asks=True),
