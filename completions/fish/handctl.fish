@@ -464,12 +464,12 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set takes --length-mode=none
             set lacks --id
         case 'ekso set'
-            set opts '--operator	Your name, for the audit log. Required with --yes.' '--audit	A second audit log, as well as ekso-audit.jsonl in the user\'s state folder. Without a log no setting is written. The step limits use the last writes in ekso-audit.jsonl, so they apply to every port and FILE.' '--override-step-limit	Allow a larger change than this tool\'s policy does, except for leg lengths.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--operator	Your name, for the audit log. Required with --yes.' '--audit	A second audit log, as well as ekso-audit.jsonl in the user\'s state folder. Without a log no setting is written. The step limits use the last writes of all users of this computer, so they apply to every port and FILE.' '--override-step-limit	Allow a larger change than this tool\'s policy does, except for leg lengths.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
             set takes --operator=none --audit=file --length-mode=none
             set args 'set:ekso*'
             set lacks --id
         case 'ekso cancel'
-            set opts '--word	Command word, not 0. 0x0100 is 256. Default: 256.' '--operator	Your name, for the audit log. Required with --yes.' '--audit	A second audit log, as well as ekso-audit.jsonl in the user\'s state folder. Without a log no setting is written. The step limits use the last writes in ekso-audit.jsonl, so they apply to every port and FILE.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--word	Command word, not 0. 0x0100 is 256. Default: 256.' '--operator	Your name, for the audit log. Required with --yes.' '--audit	A second audit log, as well as ekso-audit.jsonl in the user\'s state folder. Without a log no setting is written. The step limits use the last writes of all users of this computer, so they apply to every port and FILE.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
             set takes --word=none --operator=none --audit=file --length-mode=none
             set lacks --id
         case 'ekso report'
@@ -505,7 +505,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set args 'file' 'file'
             set lacks --id -n --dry-run -y --yes --history
         case 'ekso restore'
-            set opts '--operator	Your name, for the audit log. Required with --yes.' '--audit	A second audit log, as well as ekso-audit.jsonl in the user\'s state folder. Without a log no setting is written. The step limits use the last writes in ekso-audit.jsonl, so they apply to every port and FILE.' '--override-step-limit	Allow a larger change than this tool\'s policy does, except for leg lengths.' '--skip	Leave out this setting of the snapshot, or one element of it. Can be repeated.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
+            set opts '--operator	Your name, for the audit log. Required with --yes.' '--audit	A second audit log, as well as ekso-audit.jsonl in the user\'s state folder. Without a log no setting is written. The step limits use the last writes of all users of this computer, so they apply to every port and FILE.' '--override-step-limit	Allow a larger change than this tool\'s policy does, except for leg lengths.' '--skip	Leave out this setting of the snapshot, or one element of it. Can be repeated.' '--length-mode	Which bytes the length byte of a request covers: body (default), n-4, n-2 or frame. auto tries each.' '-h	Show this help.' '--help	Show this help.'
             set takes --operator=none --audit=file --skip=none --length-mode=none
             set args 'file'
             set lacks --id

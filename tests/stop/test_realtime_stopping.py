@@ -86,13 +86,13 @@ def test_a_trace_that_cannot_be_written_keeps_nothing_from_the_wire(monkeypatch:
                 raise OSError(28, os.strerror(28))
 
         def fileno(self) -> int:
-            return nothing.fileno()
+            return nothing
 
         def close(self) -> None:
-            nothing.close()
+            os.close(nothing)
             raise OSError(28, os.strerror(28))
 
-    nothing, full = open(os.devnull, "rb"), Full()
+    nothing, full = os.open(os.devnull, os.O_RDONLY), Full()
     monkeypatch.setattr(
         "handctl.link.transcript.open",
         lambda path, *rest, **more: full if path == "full" else real(path, *rest, **more),
