@@ -46,6 +46,10 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "kernel/test_limits.py",
         "test_a_limit_that_nothing_was_compared_with",
     ),
+    "A command that was started before the stop": (
+        "stop/test_started_before.py",
+        "test_a_script_that_slept_through_a_stop_moves_nothing",
+    ),
     "If the device has a new target, or its position still changes": (
         "stop/test_standstill.py",
         "test_what_moves_slowly_behind_a_stop_is_seen",
