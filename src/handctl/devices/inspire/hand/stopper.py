@@ -101,7 +101,7 @@ def _speed_0(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator
     for start in range(0, len(zeros), size):
         place, data = (register.address + start) // register.per, zeros[start : start + size]
         step, verdict = wire.writing(place, data, "set the speed of every finger to 0")
-        heard = yield from repeat_until_answered(context, step, verdict, ahead=wire.first)
+        heard = yield from repeat_until_answered(context, step, verdict, final=TAKEN.__eq__, ahead=wire.first)
         said = yield from after_late_replies(context, heard)
         if said is None:
             return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
