@@ -195,7 +195,14 @@ def test_power_that_a_barrett_hand_does_not_switch_off_at_once_is_asked_for_agai
 @pytest.mark.parametrize("between", [0.02, 0.08])
 def test_a_reply_in_two_pieces_is_one(cut: int, between: float) -> None:
     """A stop over TCP gives its first question 50 ms: the rest of the reply to it then stands before the next one."""
-    link = through(SPEED, lambda _link, _request, reply: [(0.002, reply[:cut]), (0.002 + between, reply[cut:])])
+    free = [0.0]
+
+    def alter(link: ScriptedLink, _request: bytes, reply: bytes) -> Sequence[Reply]:
+        begins = max(free[0], link.clock) - link.clock + 0.002
+        free[0] = link.clock + begins + between
+        return [(begins, reply[:cut]), (begins + between, reply[cut:])]
+
+    link = through(SPEED, alter)
     result, sent = stopped("hand", link)
     assert result.error is None, result
     assert sum(not one.reads for one in sent) == 1, "the acknowledgement was heard"

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
@@ -17,6 +17,7 @@ from handctl.errors import (
     CheckFailed,
     HandctlError,
     Interrupted,
+    LinkError,
     NoAnswer,
     NotIdentified,
     NotPresent,
@@ -28,8 +29,9 @@ from handctl.fast_classes import NamedTuple
 from handctl.model.command_settings import Settings
 from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
-from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
+from handctl.model.stop_on_interrupt import stopped_by_ctrl_c, stopped_by_error
 from handctl.model.stop_sequence import (
+    RECONNECT_SECONDS,
     StopContext,
     Stopped,
     StopPlan,
@@ -144,15 +146,15 @@ class Line:
         """Let time pass, but not beyond the deadline of the command."""
         self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
 
-    def clock(self, wait: float, refresh: float, what: str) -> Clock:
-        """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
+    def clock(self, wait: float, refresh: float) -> Clock:
+        """The time of a movement that is watched for `wait` seconds at most, every `refresh` seconds."""
         from handctl.model.movement import Clock
 
         end = self.link.deadline(wait)
 
         def tick() -> None:
             self.pause(refresh)
-            self.out_of_time(f"the end of the movement. {what} may still move", "the end of the movement")
+            self.out_of_time("the end of the movement", "that")
 
         return Clock(self.link.now, lambda: end.expired, tick)
 
@@ -334,14 +336,34 @@ class Device(ABC):
 
     @contextmanager
     def driven(
-        self, prompts: Prompts, *, heartbeat: float = 0.0, powered: bool = False, what: str = ""
+        self,
+        prompts: Prompts,
+        *,
+        heartbeat: float = 0.0,
+        powered: bool = False,
+        what: str = "",
+        who: str = "The device",
     ) -> Iterator[Guard]:
-        """Around a movement: Ctrl-C and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
+        """Around a movement of `who`: Ctrl-C, an error and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
+        stop = partial(self.stop, powered=powered)
         with (
             self.guarded(heartbeat=heartbeat, powered=powered) as guard,
-            stopped_by_ctrl_c(lambda: self.stop(powered=powered), prompts, what),
+            stopped_by_ctrl_c(stop, prompts, what),
+            self.stopped_by_error(stop, prompts, who),
         ):
             yield guard
+
+    def stopped_by_error(self, stop: Callable[[], Stopped], prompts: Prompts, who: str) -> AbstractContextManager[None]:
+        """Around a movement: an error stops it. A lost connection is opened again for that, where that can be done."""
+
+        def again() -> Stopped:
+            stopped = stop()
+            with suppress(LinkError):
+                if stopped.error is LinkError and self.link.reconnect(RECONNECT_SECONDS):
+                    return stop()
+            return stopped
+
+        return stopped_by_error(again, prompts, self.journal.counters, who)
 
     # -- reading -------------------------------------------------------------------------------------------------
 

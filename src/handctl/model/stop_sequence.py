@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from handctl.model.write_ledger import Ledger
 
 WRITE_SECONDS = 1.0
+RECONNECT_SECONDS = 1.0
+"""How long a connection that was lost is opened again for a stop."""
 SILENCE = 0.3
 """Seconds without sending before a stopped device is checked again, and between two readings of its position.
 
