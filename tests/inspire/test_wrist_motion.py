@@ -242,6 +242,7 @@ def test_the_deadline_ends_the_wait_and_the_wrist_is_stopped(wire: str) -> None:
     assert "may still move" not in caught.value.text and not caught.value.left.moving
     assert 1.0 < link.now() < 1.4
     assert len(writes_of(link)) == 2
+    wrist.bus.bound = None
     at = wrist.read([Element(WRIST[name], 0) for name in ("yaw_actual", "yaw_set")])
     assert at[0].value == at[1].value, "it is held where it is"
 

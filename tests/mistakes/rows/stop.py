@@ -96,8 +96,8 @@ ROWS = (
         "an acknowledgement is not heard",
         REQUESTS,
         "Wire._answer",
-        "for start in range(len(data))",
-        "for start in range(min(1, len(data)))",
+        "sizes = ((start, modbus_frames.tcp_size(data[start : start + 8])) for start in range(len(data)))",
+        "sizes = ((start, modbus_frames.tcp_size(data[start : start + 8])) for start in range(min(1, len(data))))",
         "tests/stop/test_stop_repeated.py::test_a_reply_in_two_pieces_is_one",
     ),
     mistake(
