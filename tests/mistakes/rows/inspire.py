@@ -8,6 +8,16 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "raw-bytes-of-no-whole-frame-go-unasked",
+        "a worn hand moves unasked",
+        "handctl.devices.inspire.raw",
+        "several",
+        'return Step("; ".join(said), data, moves=True, strands=True)',
+        'return Step("; ".join(said), data, moves=bool(whole), strands=bool(whole))',
+        "tests/inspire/test_exo_raw.py::test_anything_else_asks_first",
+        "tests/inspire/test_exo_raw.py::test_only_a_whole_read_goes_unasked",
+    ),
+    mistake(
         "inspire-whoever-is-not-shown-is-an-exo",
         "false identity",
         "handctl.devices.inspire.id_and_baud_search",
