@@ -36,6 +36,8 @@ HERE_1, HERE_2 = "90 EB 01 05 11 C0 05 2E 02 0C", "90 EB 02 05 11 C0 05 2E 02 0D
 READ_ID_2, ID_IS_2 = "EB 90 02 04 11 E8 03 01 03", "90 EB 02 04 11 E8 03 02 04"
 BAUD_1 = "EB 90 01 04 12 E9 03 01 04"
 
+RELEASE = "EB 90 01 0B 31 00 00 00 00 00 00 00 00 00 00 3D"
+
 
 # -- probing ----------------------------------------------------------------------------------------------------------
 
@@ -357,7 +359,11 @@ def test_no_procedure_repeats_a_write_or_hangs(name: str, fault: str) -> None:
             PROCEDURES[name](hand)
         except HandctlError as exc:
             assert exc.exit_code in (3, 4, 5, 6, 7)
-        assert len(changing(link.sent)) <= 1, after
+        written = changing(link.sent)
+        if name == "position":  # behind an error come the steps of its stop, which hold and release what moves
+            assert written[1:] == [] or written[1] == RELEASE, after
+            written = [one for one in written[:1] if one != RELEASE]
+        assert len(written) <= 1, after
         assert link.now() < 120.0, after
 
 

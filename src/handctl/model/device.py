@@ -619,21 +619,27 @@ class Release(NamedTuple):
 
 
 class PendingMove(NamedTuple):
-    """An axis that would move from `here` to `there`, or push with the force `there`: then `here` is None."""
+    """An axis that would move from `here` to `there`, or push with the force `there`: then `here` is None.
+
+    `there` is None where the device does not show its target: nobody knows whether it would move.
+    """
 
     part: str
     target: str
     here: Number | None
-    there: Number
+    there: Number | None
 
     def row(self, *more: tuple[str, str]) -> ValueChange:
         """Its line of the table that a question shows."""
-        return ValueChange(f"{self.part} ({self.target})", self.here, self.there, more)
+        return ValueChange(f"{self.part} ({self.target})", self.here, "?" if self.there is None else self.there, more)
 
 
 def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:
     """The axes that these writes would let go, from what the device tells now. Raises what kept it from being read."""
     freed: dict[tuple[str, bool], None] = {}
+    # let go by a trigger: it was driven until its error came, so a target that reads as none is one that is not shown
+    triggered: set[str] = set()
+    unshown: dict[str, PendingMove] = {}
     for release in device.releases:
         written = {element.part: value for element, value in changes if element.param.name == release.by}
         if not written:
@@ -643,6 +649,7 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
         for element, old in zip(parts, _values(device, parts), strict=True):
             if release.frees(old, written[None if whole else element.part]):
                 freed[element.part or "", release.closing] = None
+                triggered |= {element.part or ""} if whole else set()
     if not freed:
         return []
     found: dict[PendingMove, None] = {}
@@ -655,10 +662,16 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
         for element in targets:
             part = element.part or ""
             there, here = at[element.full_name], at.get(f"{course.actual}.{part}")
-            if here is None or there in element.param.special or abs(there - here) <= course.near:
+            if here is None or there in element.param.special:
+                if part in triggered:
+                    unshown.setdefault(part, PendingMove(part, course.target, here, None))
+                continue
+            triggered.discard(part)
+            if abs(there - here) <= course.near:
                 continue
             if (part, False) in freed or course.closes(here, there):
                 found[PendingMove(part, course.target, here, there)] = None
+    found.update({one: None for part, one in unshown.items() if part in triggered})
     forces = [one for param in device.map if param.acts == PUSHES for one in elements_of(param)]
     forces = [one for one in forces if (one.part or "", False) in freed]
     for element, force in zip(forces, _values(device, forces) if forces else (), strict=True):
@@ -684,8 +697,13 @@ def pending_table(waiting: Sequence[PendingMove]) -> Changes:
 
 def question(waiting: Sequence[PendingMove]) -> str:
     """The question before such a write."""
-    moving = [one.part for one in waiting if one.here is not None]
+    moving = [one.part for one in waiting if one.here is not None and one.there is not None]
+    hidden = [one for one in waiting if one.there is None]
     text = "This moves what has not reached its target yet" if moving else ""
+    if hidden:
+        text = joined(text, "This may move what was stopped by an error: the device does not show its target")
     if len(set(moving)) < len(moving):
         text += ". Of two targets of a finger, the one that was set last counts"
-    return joined(text, "This may let a finger push with its commanded force" if len(moving) < len(waiting) else "")
+    return joined(
+        text, "This may let a finger push with its commanded force" if len(moving) + len(hidden) < len(waiting) else ""
+    )

@@ -389,12 +389,13 @@ class ValueChange(NamedTuple):
     """A line of the table that a question shows: `what` goes from one value to another.
 
     now   the value of today, None where it was not read
+    new   "?" where nobody knows it
     more  heading and text of what else counts, such as the speed
     """
 
     what: str
     now: Number | None
-    new: Number
+    new: Number | str
     more: tuple[tuple[str, str], ...] = ()
 
     def __str__(self) -> str:

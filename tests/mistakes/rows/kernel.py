@@ -516,6 +516,15 @@ ROWS = (
         "tests/inspire/test_rh56_arrival.py::test_clearing_an_error_asks_where_a_force_is_commanded",
     ),
     mistake(
+        "target-that-is-not-shown-let-go-unasked",
+        "question skipped",
+        "handctl.model.device",
+        "pending_moves",
+        "if part in triggered:",
+        "if False:",
+        "tests/inspire/test_exo_motion.py::test_clearing_an_error_asks_where_a_target_is_not_shown",
+    ),
+    mistake(
         "waiting-target-let-go-unasked",
         "question skipped",
         "handctl.command.get_set_watch",
