@@ -123,6 +123,23 @@ def test_an_exception_of_a_hand_that_passes_does_not_end_its_stop(code: int) -> 
     assert len(times) == 4 and 0.4 < times[-1] - times[0] < 0.6, times
 
 
+def test_a_hand_that_only_ever_says_05_is_stopped_if_its_speeds_are_0() -> None:
+    """Acknowledge: it does what it was told."""
+    link = through(SPEED, refusing(99, exception(5), writes_modbus))
+    result, _ = stopped("hand", link, proven=True, model="tp")
+    assert result.error is None and result.evidence == "read back", result
+
+
+def test_a_hand_that_failed_and_kept_its_speed_was_not_stopped() -> None:
+    """04, and no write arrives: the speeds read what they were."""
+    inner = through(SPEED, lambda _link, _request, reply: [(0.002, reply)])
+    link = ScriptedLink(
+        lambda request: [(0.002, exception(4)(request))] if writes_modbus(request) else inner.answer(request)
+    )
+    result, _ = stopped("hand", link, proven=True, model="tp")
+    assert result.error is DeviceRefused, result
+
+
 def test_a_hand_that_refuses_for_good_was_not_stopped() -> None:
     link = through(SPEED, refusing(99, exception(6), writes_modbus))
     result, _ = stopped("hand", link, proven=True, model="tp")
