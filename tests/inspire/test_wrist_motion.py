@@ -368,3 +368,40 @@ def test_a_late_error_names_what_was_written() -> None:
     assert caught.value.exit_code == 3
     assert "Already written: move_time" in caught.value.hint
     assert len(writes_of(link)) == 2
+
+
+# -- an axis that is not named ------------------------------------------------------------------------------------------
+
+
+@each_row(
+    ("words", "code"),
+    [
+        (("move", "--pitch", "5", "--time", "300"), 8),
+        (("move", "--yaw", "5", "--time", "300"), 0),
+        (("move", "--yaw", "5", "--pitch", "5", "--time", "300"), 0),
+        (("center", "--time", "300"), 0),
+        (("set", "pitch_set=5"), 8),
+        (("set", "yaw_set=5"), 0),
+        (("set", "move_time=300"), 8),
+        (("write", "1040", "F401"), 8),
+        (("write", "1038", "F401"), 0),
+        (("move", "--pitch", "5", "-n"), 0),
+    ],
+)
+def test_an_axis_that_is_off_its_set_angle_is_not_turned_unasked(words: tuple[str, ...], code: int) -> None:
+    """After power-on: the set angles are 0, and yaw stands at 11.25° (wrist §2.1 says nothing of what a write to the other axis does)."""
+    with spying() as spy, odd_registers(holds={1038: bytes(2)} if code == 8 else {}):
+        result = run("wrist", *words, "-p", fake_port(), "--json")
+    assert result.code == code, result
+    if code == 8:
+        assert spy.requests and result.json["writes"][0]["state"] != "confirmed", result
+
+
+@each_row(("time", "code"), [("0000", 7), ("FFFF", 7), ("E803", 0)])
+def test_a_movement_time_that_is_none_is_not_moved_with(time: str, code: int) -> None:
+    with odd_registers(holds={1042: bytes.fromhex(time)}):
+        result = run("wrist", "move", "--pitch", "5", "-p", fake_port(), "--json")
+        named = run("wrist", "move", "--pitch", "5", "--time", "1000", "-p", fake_port(), "--json")
+    assert result.code == code and (code == 0 or result.error["code"] == "no-time"), result
+    assert code == 0 or {row["state"] for row in result.json["writes"]} == {"not-sent"}, result
+    assert named.json["ok"] or named.error["code"] != "no-time", named

@@ -526,6 +526,14 @@ class Device(ABC):
         """
         raise NotImplementedError(f"{self.kind} sets nothing by name")
 
+    def lets_go(self, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:
+        """The axes that these writes let go, beside those that they command. Raises what kept it from being read."""
+        names = {element.param.name for element, _ in changes}
+        if not any(release.by in names for release in self.releases):
+            return []
+        self.identify()
+        return pending_moves(self, changes)
+
     def check_read_back(
         self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading], hint: str
     ) -> None:

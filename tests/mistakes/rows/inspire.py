@@ -8,6 +8,24 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "other-axis-of-a-wrist-turned-unasked",
+        "question skipped",
+        "handctl.devices.inspire.wrist.device",
+        "Wrist.lets_go",
+        "if not named or not others:",
+        "if True:",
+        "tests/inspire/test_wrist_motion.py::test_an_axis_that_is_off_its_set_angle_is_not_turned_unasked",
+    ),
+    mistake(
+        "wrist-moves-in-no-time",
+        "a value that means nothing is trusted",
+        "handctl.devices.inspire.wrist.device",
+        "Wrist.move",
+        'if not WRIST["move_time"].allowed(time):',
+        "if time < 0:",
+        "tests/inspire/test_wrist_motion.py::test_a_movement_time_that_is_none_is_not_moved_with",
+    ),
+    mistake(
         "exception-that-leaves-a-write-open-told-as-refused",
         "a movement is told as refused",
         "handctl.devices.inspire.modbus_bus",
