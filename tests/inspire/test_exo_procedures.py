@@ -177,6 +177,22 @@ def test_lost_id_change_is_told_and_not_repeated() -> None:
     assert hand.bus.id == 1
 
 
+@pytest.mark.parametrize(
+    ("reads", "code", "safe"), [(1, "read-back", True), (2, "id-waits", False), (None, "read-back", False)]
+)
+def test_an_id_that_may_wait_for_a_power_cycle_is_not_called_unchanged(
+    reads: int | None, code: str, safe: bool
+) -> None:
+    """Register 1000 is read before anything is claimed: the new id may count later."""
+    asked = "EB 90 01 04 11 E8 03 01 02"
+    answers = [] if reads is None else [(asked, [f"90 EB 01 04 11 E8 03 {reads:02X} {reads + 1:02X}"])]
+    hand = hand_on(ScriptedLink(script((PROBE_1, [HERE_1]), *answers, free=True)))
+    with pytest.raises(CheckFailed) as caught:
+        id_baud_save_reset.change_id(hand, 2)
+    assert caught.value.code == code
+    assert ("safe" in caught.value.hint) == safe and ("power-cycle" in caught.value.hint.lower()) != safe
+
+
 def test_hand_gone_after_the_id_change() -> None:
     def answer(request: bytes) -> list[Reply]:
         return [(0.0, unhex(HERE_1))] if hexed(request) == PROBE_1 and ID_2 not in changing(link.sent) else []

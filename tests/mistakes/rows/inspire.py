@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "id-that-waits-called-unchanged",
+        "evidence believed",
+        "handctl.devices.inspire.id_baud_save_reset",
+        "_still_old",
+        "if holds == bus.id:",
+        "if holds:",
+        "tests/inspire/test_exo_procedures.py::test_an_id_that_may_wait_for_a_power_cycle_is_not_called_unchanged",
+    ),
+    mistake(
         "other-axis-of-a-wrist-turned-unasked",
         "question skipped",
         "handctl.devices.inspire.wrist.device",
