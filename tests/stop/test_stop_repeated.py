@@ -14,9 +14,8 @@ from handctl.errors import DeviceRefused
 from handctl.link import ByteLink, open_link
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, Stopped, exchange_steps, stop_sequence_of
-from tests.stop.test_stop_sequence import BEYOND, summed
 from tests.support.scripted import Reply, ScriptedLink
-from tests.support.stop import RELEASE
+from tests.support.stop import BEYOND, RELEASE, summed
 
 SPEEDS = {"barrett": 9600}
 Alter = Callable[[ScriptedLink, bytes, bytes], Sequence[Reply]]

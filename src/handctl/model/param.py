@@ -337,13 +337,13 @@ class ParamMap(Generic[P]):
         if param.verb:
             starts = "it is not a value: writing it starts something" if param.trigger else "it has its own command"
             raise UsageError(
-                f"{param.name} is not written by `set`: {starts}",
+                f"`{param.name}` is not written by `set`: {starts}",
                 hint=Hint("use {}", f"{self.kind} {param.verb}"),
                 code="trigger",
             )
         if not param.writable:
             raise UsageError(
-                f"{param.name} is read-only ({param.source})",
+                f"`{param.name}` is read-only ({param.source})",
                 hint=Hint("{} lists the writable quantities", f"{self.kind} describe"),
                 code="read-only",
             )
