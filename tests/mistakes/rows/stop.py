@@ -170,8 +170,8 @@ ROWS = (
         "stop not sent",
         EXO,
         "hold",
-        "places = [ALONE if target is None else target for target in targets]",
-        "places = [ALONE if None in targets else target for target in targets]",
+        "places, number = [ALONE if target is None else target for target in targets], wire.context.number",
+        "places, number = [ALONE if None in targets else target for target in targets], wire.context.number",
         "tests/stop/test_standstill.py::test_an_exo_holds_each_finger_that_reads_a_position",
     ),
     mistake(
@@ -334,8 +334,8 @@ ROWS = (
         "evidence believed",
         EXO,
         "stop_steps",
-        "if answer(pieces, taken) is None:",
-        "if answer(pieces, taken) is None and not places:",
+        "if verdict != TAKEN:",
+        "if verdict != TAKEN and not places:",
         "tests/stop/test_stop_sequence.py::test_a_hold_that_is_not_acknowledged_is_no_stop",
     ),
     mistake(
