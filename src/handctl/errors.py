@@ -49,6 +49,10 @@ def reworded(hint: str, text: str) -> str:
     return made
 
 
+typed: set[str] = set()
+"""Names that a user gave to things of this command, such as ``b`` for a device, a link or a file: no message may change them."""
+
+
 def joined(*texts: str, joint: str = ". ") -> str:
     """Join texts. Sentences begin with a capital, except for a name as it is typed. The first command that one names stays."""
     first, *rest = [text for text in texts if text] or [""]
@@ -61,7 +65,7 @@ def joined(*texts: str, joint: str = ". ") -> str:
 
 def _is_word(text: str) -> bool:
     first = text.partition(" ")[0].rstrip(",:")
-    return first != "handctl" and first.isascii() and first.replace("-", "").isalpha()
+    return first != "handctl" and first not in typed and first.isascii() and first.replace("-", "").isalpha()
 
 
 class Aftermath:

@@ -5,23 +5,21 @@ from __future__ import annotations
 import time
 from functools import lru_cache
 
-from handctl.errors import reworded
+from handctl.errors import reworded, typed
 from handctl.families import FAMILIES
 
 NAMES = frozenset(
     {"handctl", "stdin", "stdout", "stderr", "socketcan", "slcan", "id", "ids", "maxtorque", "brltty", *FAMILIES}
 )
 """Written as they are typed, also where they come first. Another name that is also a word stands in backquotes."""
-_typed: set[str] = set()
-"""Links and files of this command: one may be called as a word is, such as ``b``."""
 IN_NAMES = frozenset("/\\=_~$*<>|@#:.")
 """Characters of paths, links, commands and names in code: behind them a full stop would be read as part."""
 
 
 def typed_names(*names: str) -> None:
     """The names that a user gave to things of this command: no message may change them."""
-    _typed.clear()
-    _typed.update(names)
+    typed.clear()
+    typed.update(names)
 
 
 def sentence(text: str) -> str:
@@ -29,7 +27,7 @@ def sentence(text: str) -> str:
     first = text.split(" ", 1)[0]
     word = first.rstrip(",;")
     plain = word.replace("-", "").replace("'", "")
-    ordinary = plain.isascii() and plain.isalpha() and plain.islower() and word not in NAMES and word not in _typed
+    ordinary = plain.isascii() and plain.isalpha() and plain.islower() and word not in NAMES and word not in typed
     if ordinary and not text.startswith(f"{word}, line "):
         text = reworded(text, text[0].upper() + text[1:])
     return reworded(text, text + ".") if _open(text) else text

@@ -10,7 +10,7 @@ from handctl.cli import main
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.exo import raw
 from handctl.errors import HandctlError, NoAnswer, UsageError
-from tests.support.cli import run
+from tests.support.cli import run, spying
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
@@ -217,12 +217,34 @@ def test_reads_are_harmless() -> None:
         pytest.param(f"{READ_VOLTAGE} {READ_VOLTAGE}", id="two frames"),
         pytest.param(f"00 {READ_VOLTAGE}", id="junk before"),
         pytest.param(f"{READ_VOLTAGE} 00", id="junk behind"),
+        pytest.param(FORCE[3:], id="a command without its first byte, which may have been sent before"),
+        pytest.param(FORCE[6:], id="a command without its header"),
+        pytest.param(f"90 {FORCE[:2]} {FORCE[6:]}", id="a command with the header of a reply"),
     ],
 )
 def test_anything_else_asks_first(data: str) -> None:
     step = raw.plan_raw(unhex(data), False)
     assert step.data == unhex(data)
     assert step.moves or step.strands
+
+
+@each_row(
+    ("family", "words", "code"),
+    [
+        (family, (command, text), code)
+        for family in ("exo", "wrist", "hand")
+        for command in ("raw", "terminal")
+        for text, code in (
+            (READ_VOLTAGE, 0),
+            *((one, 8) for one in (FORCE[3:], FORCE[6:], "EB", f"90 {FORCE[:2]} {FORCE[6:]}")),
+        )
+    ],
+)
+def test_only_a_whole_read_goes_unasked(family: str, words: tuple[str, ...], code: int) -> None:
+    with spying() as spy:
+        result = run(family, *words, "-p", f"fake://{family}?clock=virtual")
+    assert result.code == code, result
+    assert code == 0 or sum(line.requests for line in spy.lines) == 0, "nothing went out"
 
 
 @pytest.mark.parametrize(

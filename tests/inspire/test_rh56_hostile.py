@@ -313,10 +313,11 @@ def test_a_gateway_without_a_hand_is_never_written_to(wire: str, code: int, exit
 
 
 @pytest.mark.parametrize("wire", MODBUS)
-def test_a_gateway_that_loses_the_hand_behind_a_write_makes_no_claim(wire: str) -> None:
-    """0B behind a write: nobody knows whether it arrived. The read-back decides, and it did."""
+@pytest.mark.parametrize("code", [5, 0x0B])
+def test_an_exception_behind_a_write_that_leaves_it_open_makes_no_claim(wire: str, code: int) -> None:
+    """0B: nobody knows whether it arrived; 05 acknowledges it. The read-back decides, and it did."""
     odd = Odd(wire, golden("tp"))
-    refuse = exception(wire, 0x0B)
+    refuse = exception(wire, code)
     odd.change = lambda r, a: refuse(r, a) if odd.writes and odd.writes[-1] is r else as_it_is(r, a)
     hand = host(odd)
     (reading,) = hand.write([(elements_of(hand.map["default_speed"])[0], 300)])

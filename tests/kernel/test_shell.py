@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import signal
+import subprocess
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
 
 import click
+import pexpect
 import pytest
 
 from handctl.command.command_lines import parse_line
 from handctl.command.command_tree import root
 from handctl.command.run import Run
+from handctl.errors import NoAnswer
+from handctl.link import deadman
 from handctl.link.fake import FakeLink
+from handctl.model.stop_on_interrupt import NOT_STOPPED
+from handctl.sim.engine.serve import send_control
 from handctl.tools.shell import Shell
-from tests.support.cli import fake, run, spying
+from tests.support.cli import Simulator, clean_environment, fake, run, spying, start, wait_until
 from tests.support.terminal import Terminal
 
 
@@ -105,6 +113,95 @@ def test_ctrl_c_in_a_line_stops_what_an_earlier_one_has_set_going(
     assert "interrupted" in err and "id    1000" in out
 
 
+def test_ctrl_c_at_the_prompt_stops_what_a_line_has_set_going(
+    handler: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Once: a second one finds nothing that moves."""
+    made, prompts = shell([], "-p", fake())
+    keys: list[Any] = ["position 900 900 900 900 900 -y", KeyboardInterrupt, "get id", KeyboardInterrupt, EOFError]
+
+    def read_line(prompt: str) -> str:
+        prompts.append(prompt)
+        key = keys.pop(0)
+        if isinstance(key, str):
+            return key
+        raise key
+
+    made._read_line = read_line
+    with spying() as spy:
+        made.run()
+    assert spy.byte_at(1486, 2) != (900).to_bytes(2, "little"), "held where it was"
+    out, err = capsys.readouterr()
+    assert err.count("interrupted") == 1 and "Ctrl-D ends the shell" in err and "id    1000" in out
+
+
+@pytest.mark.parametrize(("last", "stopped"), [(KeyboardInterrupt, True), (EOFError, False)])
+def test_a_shell_that_is_ended_stops_what_moves_and_ctrl_d_does_not(
+    handler: None, last: type[BaseException], stopped: bool
+) -> None:
+    """An interrupt that comes between two lines ends it: a terminal that was closed (SIGHUP), SIGTERM."""
+    made, _ = shell(["position 900 900 900 900 900 -y"], "-p", fake())
+    one = made._one
+
+    def ends() -> bool:
+        if not one():
+            raise last
+        return True
+
+    with spying() as spy, mock.patch.object(made, "_one", ends), pytest.raises(last):
+        made.run()
+    assert (spy.byte_at(1486, 2) != (900).to_bytes(2, "little")) == stopped
+
+
+def test_a_stop_that_fails_at_the_prompt_is_the_end_of_the_shell(handler: None) -> None:
+    made, _ = shell([], "-p", fake(fault="silent", after=6))
+    keys: list[Any] = ["position 900 900 900 900 900 -y", KeyboardInterrupt, EOFError]
+
+    def read_line(_prompt: str) -> str:
+        key = keys.pop(0)
+        if isinstance(key, str):
+            return key
+        raise key
+
+    made._read_line = read_line
+    with pytest.raises(NoAnswer) as caught:
+        made.run()
+    assert caught.value.code == NOT_STOPPED
+
+
+class Guards:
+    """The guards of links, and whether they are armed."""
+
+    def __init__(self) -> None:
+        self.events: list[str] = []
+
+    @contextmanager
+    def guard_link(self, *_given: Any, **_more: Any) -> Iterator[None]:
+        self.events.append("armed")
+        yield
+        self.events.append("ended")
+
+
+@pytest.mark.parametrize(
+    ("lines", "events"),
+    [
+        (["get id", "describe"], []),
+        (["position 900 900 900 900 900 -y", "get id"], ["armed", "ended"]),
+        (["force 60 60 60 60 60 -y", "position 900 900 900 900 900 -y"], ["armed", "ended"]),
+        (["set position_set.ring=900 -y", "stop", "get id", "force 60 60 60 60 60 -y"], ["armed", "ended"] * 2),
+        (["position 900 900 900 900 900 -y -n"], []),
+    ],
+)
+def test_from_the_first_line_that_moves_the_death_of_the_shell_stops_the_device(
+    handler: None, lines: list[str], events: list[str]
+) -> None:
+    made, _ = shell(lines, "-p", fake())
+    guards = Guards()
+    with mock.patch.object(deadman, "guard_link", guards.guard_link):
+        made.run()
+    assert guards.events == events
+
+
 @pytest.mark.parametrize(
     ("before", "found", "absent"),
     [
@@ -152,3 +249,47 @@ def test_a_person_types_confirms_and_finds_the_line_again(tmp_path: Path) -> Non
         terminal.process.send("\x04")
         assert terminal.finish() == 0
     assert "set position_set.index=300" in (tmp_path / "handctl" / "shell-history").read_text(encoding="utf-8")
+
+
+@pytest.mark.real
+def test_a_terminal_that_is_closed_stops_what_moves(tmp_path: Path) -> None:
+    """SIGHUP, or the end of the input before it: the force that a line has left is taken away."""
+    simulator = Simulator("--pty", "--control", tmp_path / "panel")
+    ask = partial(send_control, str(tmp_path / "panel"))
+    try:
+        with Terminal("shell", "exo", "-p", simulator.link) as terminal:
+            terminal.until("> ")
+            terminal.process.send("force 60 60 60 60 60 -y\r")
+            wait_until(lambda: ask("get 1498 2") == "ok 3C 00")
+            terminal.until("> ")
+            with suppress(pexpect.ExceptionPexpect):  # it is still stopping the device
+                terminal.process.close(force=False)
+            wait_until(lambda: ask("get 1498 2") == "ok 00 00")
+    finally:
+        simulator.stop()
+
+
+@pytest.mark.real
+def test_a_batch_that_is_killed_while_it_sleeps_stops_what_moves(tmp_path: Path) -> None:
+    """What an earlier line has set going, in a line that moves nothing."""
+    simulator = Simulator("--pty", "--control", tmp_path / "panel")
+    ask = partial(send_control, str(tmp_path / "panel"))
+    script = tmp_path / "script"
+    script.write_text("exo force 60 60 60 60 60\nsleep 60\n", encoding="utf-8")
+    batch = start(
+        ["batch", str(script), "-y", "-p", simulator.link], clean_environment(),
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+    try:
+        wait_until(lambda: ask("get 1498 2") == "ok 3C 00")
+        wait_until(lambda: len(children_of(batch.pid)) == 1)
+        batch.kill()
+        wait_until(lambda: ask("get 1498 2") == "ok 00 00")
+    finally:
+        batch.kill()
+        batch.communicate()
+        simulator.stop()
+
+
+def children_of(pid: int) -> list[str]:
+    return Path(f"/proc/{pid}/task/{pid}/children").read_text(encoding="utf-8").split()

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.wording import sentence
+from handctl.errors import joined
+from handctl.wording import sentence, typed_names
 from tests.support.cli import fake, run
 from tests.support.each_row import each_row
 
@@ -55,3 +56,19 @@ def test_a_name_of_this_command_is_never_capitalised() -> None:
     assert sentence("lines exists") == "lines exists."
     run("exo", "get", "id", "-p", fake())
     assert sentence("b at 9600 bit/s: no reply") == "B at 9600 bit/s: no reply."
+
+
+def test_a_name_stays_as_it_is_typed_inside_a_text() -> None:
+    """A device called as a word is: behind another one's part, too."""
+    typed_names("ab")
+    try:
+        assert joined("aa: no reply", "ab: no reply") == "aa: no reply. ab: no reply"
+        assert joined("aa: no reply", "cd: no reply") == "aa: no reply. Cd: no reply"
+    finally:
+        typed_names()
+
+
+def test_a_quantity_that_begins_a_message_keeps_its_name() -> None:
+    for words in (("set", "calibrate=1"), ("set", "temperature.index=3")):
+        result = run("exo", *words, "--fake", "--json")
+        assert f"`{words[1].partition('=')[0].partition('.')[0]}`" in result.error["text"], result

@@ -65,10 +65,25 @@ def test_an_old_adapter_without_version_is_one_all_the_same() -> None:
         link.close()
 
 
+@each_row("bare", [b"\r" * 4, b"\r" * 2])
+def test_an_adapter_that_acknowledges_what_it_does_not_know_is_one(
+    time_jumps: Clock, monkeypatch: pytest.MonkeyPatch, bare: bytes
+) -> None:
+    """A bare CR to V and N: it gets its commands, and says no name."""
+    port = Answering(lambda data: bare if b"V" in data else b"\r\r\rF00\r" if b"S8" in data else b"")
+    monkeypatch.setattr("serial.serial_for_url", lambda *_, **__: port)
+    link = open_link("can:slcan:socket://192.0.2.7:1")
+    assert isinstance(link, CanLink) and link.adapter == ""
+    assert port.heard.startswith(b"\r\rV\rN\rC\rS8\rO\rF\r")
+    link.close()
+
+
 @each_row(
     ("answer", "words"),
     [
         (lambda _data: b"", "silent"),
+        (lambda _data: b"\r", "silent"),
+        (lambda _data: b"\r\r\r\r=> ", "0D 0D 0D 0D 3D 3E 20"),
         (lambda data: data, "only our own bytes"),
         (lambda _data: b"\x90\xeb\x01\x04\x30\xfc\x03\x00\xff", "90 EB 01 04"),
         (lambda _data: b"\r\n=> ", "0D 0A 3D 3E 20"),

@@ -178,7 +178,7 @@ class Ledger(Product):
         else:
             assert not {"ack-lost", "answer-lost"} & {message["code"] for message in envelope["messages"]}, said
         if name in facts_of(family).plans:
-            states = [step["state"] for step in writes if step["bytes"] != "03"]  # ^C stops what may be moving
+            states = [step["state"] for step in writes if not stops(step)]
             rest = states[states.index("sent") + 1 :] if "sent" in states else []
             assert set(rest) <= {"not-sent"}, "went on behind a write that nothing confirmed"
         return ended(result, steps(envelope))
@@ -262,3 +262,12 @@ class Interrupted(Product):
 
 
 SUITES = (Faults(), Values(), Unseen(), Ledger(), Interrupted())
+
+
+STOPS = ("set the speed of every finger to 0", "all forces to 0", "hold at ", "move no finger", "stay at ")
+"""How the steps of a stop begin in words."""
+
+
+def stops(step: dict[str, Any]) -> bool:
+    """Whether a write stops what may be moving: ^C, or a step of the stop behind an error."""
+    return bool(step["bytes"] == "03" or step["meaning"].startswith(STOPS))

@@ -14,17 +14,10 @@ from handctl.model.stop_repetition import attempts, single_write_stop
 from handctl.model.stop_sequence import Sent, StopContext, exchange_steps, stop_sequence_of, writes_without_replies
 from tests.support.cli import run
 from tests.support.scripted import Reply, ScriptedLink
-from tests.support.stop import RELEASE
+from tests.support.stop import BEYOND, RELEASE, summed
 
 PLACES = "90EB010D3184038E039803A203AC03F401"
 """The answer to the forces: 900 910 920 930 940, thumb rotation 500 (exo §2.2.1), without the sum."""
-BEYOND = "90EB010D3184038E039803A2034C04F401"
-"""One finger reads 1100, which is no position: it is left alone, and the others are held (exo §2.3.7)."""
-
-
-def summed(text: str) -> bytes:
-    data = bytes.fromhex(text)
-    return data + bytes([sum(data[2:]) % 256])
 
 
 def half_deaf(places: str) -> ScriptedLink:

@@ -12,6 +12,12 @@ from handctl.sim.engine.serve import send_control
 from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, start, wait_until
 
 
+def summed(text: str) -> bytes:
+    """A frame of EB 90 from its digits without the sum."""
+    data = bytes.fromhex(text)
+    return data + bytes([sum(data[2:]) % 256])
+
+
 class How(NamedTuple):
     """How a family is stopped: bytes that its device must hear, from the manuals, and options of the simulator.
 
@@ -26,6 +32,9 @@ class How(NamedTuple):
 
 
 RELEASE = bytes.fromhex("EB90010B31000000000000000000003D")
+BEYOND = "90EB010D3184038E039803A2034C04F401"
+"""The answer of an exo to the forces in which one finger reads 1100, which is no position: it is left alone, and the others are held
+(exo §2.3.7). Without the sum."""
 HOW: dict[str, How] = {
     "exo": How(
         (RELEASE, bytes.fromhex("EB90010B32")),

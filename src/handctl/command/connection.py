@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -179,17 +180,20 @@ class Session:
     command  in whose name they are locked
     writes   whether any of the commands may write
     began    when all of them were asked for, by `clock.now`; None where each is for itself
+    guards   from the first command that sets something going, the death of this process stops the device
     """
 
-    def __init__(self, command: str, *, writes: bool, began: float | None = None) -> None:
+    def __init__(self, command: str, *, writes: bool, began: float | None = None, guards: bool = False) -> None:
         self.command = command
         self.writes = writes
         self.began = began
+        self.guards = guards
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
         self._open: dict[Hashable, Connection] = {}  # by `_key`
         self._moving: dict[str, tuple[Invocation, Callable[[], Stopped]]] = {}
         """LINK -> the command that has set something going there and left it, and how that is stopped."""
+        self._guards: dict[Hashable, ExitStack] = {}  # by `_key`
         self._lines: dict[Hashable, LineQuality] = {}
         self._traces: dict[str | None, Trace] = {}
 
@@ -218,7 +222,20 @@ class Session:
             run.journal.line.met.clear()  # whoever is behind a new connection
         if known.device_access is not None:
             known.device_access.serve(run)
+        if self.guards:
+            run.journal.set_going = partial(self._guard, key, run)
         return known
+
+    def _guard(self, key: Hashable, run: Invocation) -> None:
+        """From now on the death of this process stops the device of this run. Raises LinkError."""
+        if key not in self._guards and run.opened is not None:
+            stack = ExitStack()
+            stack.enter_context(run.opened.guarded())
+            self._guards[key] = stack
+
+    def _unguard(self, key: Hashable) -> None:
+        if key in self._guards:
+            self._guards.pop(key).close()
 
     @staticmethod
     def _key(run: Invocation) -> Hashable:
@@ -233,18 +250,22 @@ class Session:
         if self._open.get(connection.key) is not connection:
             return False
         stopped, link = connection.stopped is not None, connection.link
-        self._note_movement(connection.name, run, stopped, failure)
+        self._note_movement(connection, run, stopped, failure)
         if link is None or isinstance(failure, LinkError) or stopped:
             self._close(connection.key, run.journal)
         else:
             link.observers = connection.observers
         return True
 
-    def _note_movement(self, name: str, run: Invocation, stopped: bool, failure: HandctlError | None) -> None:
+    def _note_movement(
+        self, connection: Connection, run: Invocation, stopped: bool, failure: HandctlError | None
+    ) -> None:
         """Remember what the command leaves moving, or that it was stopped."""
-        stop = run.journal.still_moving()
-        if stopped or (stop is not None and isinstance(failure, Interrupted)):
+        stop, name = run.journal.still_moving(), connection.name
+        interrupted = stop is not None and isinstance(failure, Interrupted)
+        if stopped or interrupted or (run.stops and failure is None):
             self._moving.pop(name, None)
+            self._unguard(connection.key)
         elif stop is not None:
             self._moving[name] = run, stop
 
@@ -300,4 +321,5 @@ class Session:
         return failure
 
     def _close(self, key: Hashable, journal: Journal, failure: HandctlError | None = None) -> HandctlError | None:
+        self._unguard(key)
         return self._open.pop(key).close(failure, journal)

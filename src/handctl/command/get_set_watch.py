@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.command.run import Asked, PlannedAction
 from handctl.errors import CheckFailed, HandctlError, Hint, NoAnswer, ProtocolError, UsageError, joined
-from handctl.model.device import pending_moves, pending_table, question
+from handctl.model.device import pending_table, question
 from handctl.model.param import PUSHES, SETTING, Changes, Element, Number, Param, ParamMap, Reading, Step, ValueChange
 from handctl.model.result import Column, Grid, Journal, Row, Sample, Table
 
@@ -196,11 +196,7 @@ def _from_to(device: Device, changes: Sequence[Change], held: Held, what: str = 
 
 def ask_released(run: Run, device: Device, changes: Sequence[Change], steps: Sequence[Step]) -> None:
     """Ask before a write that lets the device go on to targets that it holds. Raises NotConfirmed; nothing was written."""
-    names = {element.param.name for element, _ in changes}
-    if not any(release.by in names for release in device.releases):
-        return
-    device.identify()
-    if waiting := pending_moves(device, changes):
+    if waiting := device.lets_go(changes):
         moving = [step._replace(moves=True) for step in steps]
         run.confirm(question(waiting), moving, changes=pending_table(waiting))
         device.will_move()

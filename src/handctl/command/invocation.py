@@ -72,7 +72,7 @@ class Invocation:
         self.stops = bool(getattr(ctx.command, "stops", False))
         self.in_use = self.streams
         self.inputs, self.outputs = files_of(ctx)
-        named = (settings.port, settings.output, settings.trace, settings.facts)
+        named = (settings.device, settings.port, settings.output, settings.trace, settings.facts)
         typed_names(*filter(None, named), *(one.path for one in (*self.inputs, *self.outputs)))
         self.prompts = prompts or TerminalPrompts(settings.quiet)
         self.typed: TextIO = sys.stdin

@@ -159,6 +159,7 @@ class Run(Invocation):
         other.others = []
         other.journal = copy(self.journal)
         other.journal.line = LineQuality()
+        other.journal.set_going = None
         self.others.append(other)
         return other.device()
 

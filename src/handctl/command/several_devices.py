@@ -19,7 +19,7 @@ from handctl.command.command_lines import ScriptLine, parse_line
 from handctl.command.library_call import Call
 from handctl.command.option_types import OutFile
 from handctl.command.run import PlannedAction, Run
-from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined
+from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined, typed
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.screen.render import default_view
@@ -186,6 +186,7 @@ class EveryAccess(DeviceAccess):
         every_one = [(each.name, found.get(each.name, missing)) for each in every]
         bad = [error for _, error in every_one if error.code != STOPPED]
         worst = max(bad, key=lambda error: error.exit_code) if bad else every_one[0][1]
+        typed.update(name for name, _ in every_one)
         text = joined(*(f"{name}: {error.text}" for name, error in every_one))
         self.stopped = type(worst)(text, hint=worst.hint, code=NOT_STOPPED if bad else STOPPED)
         return report(None, ())
@@ -390,6 +391,7 @@ def _failure(every: Sequence[EachDevice]) -> HandctlError | None:
     failed = [(each.name, error) for each in every if (error := each.run.outcome.failure) is not None]
     if not failed:
         return None
+    typed.update(name for name, _ in failed)
     told = joined(*(f"{name}: {error.text}" for name, error in failed))
     worst = max((error for _, error in failed), key=lambda error: error.exit_code)
     failure = HandctlError(f"{len(failed)} of {plural(len(every), 'device')}: {told}", hint=worst.hint, code=worst.code)

@@ -20,7 +20,7 @@ from handctl import __version__
 from handctl.command.run import Asked, PlannedAction
 from handctl.errors import CheckFailed, DeviceRefused, Hint, OutputError, UsageError, joined
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
-from handctl.model.device import pending_moves, question
+from handctl.model.device import question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
 from handctl.model.result import Column, Row, Table
 
@@ -366,7 +366,7 @@ def _ask(run: Run, params: ParamMap[Any], device: Device, differing: Sequence[Ch
     """One question for all, a further one for forces; nothing has been written. Raises NotConfirmed."""
     forces = [change for change in differing if change[0].param.acts == PUSHES]
     others = [change for change in differing if change not in forces]
-    waiting = pending_moves(device, differing)
+    waiting = device.lets_go(differing)
     if others:
         asked = joined(_restoring(params, others), question(waiting) if waiting else "")
         rows = [*_from_to(others, live), *(one.row() for one in waiting)]

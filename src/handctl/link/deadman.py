@@ -60,7 +60,7 @@ def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0) ->
     """Around code that moves a device: guard it with a child process. `warn` is called if the link cannot be guarded.
 
     A simulator in this process and a transcript need no guard: nothing outlives this process. Raises LinkError when no
-    child can be started: then nothing must be driven.
+    child can be started: then nothing must be driven. Within another guard of the link it takes its place: one child stops.
     """
     inside = link.fake or link.replayed
     raw_access = None if inside or not deadman_process.can_be() else link.raw_access()
@@ -70,12 +70,18 @@ def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0) ->
             f"{link.name}: no second process watches this link, so if handctl is killed nothing stops the device",
             "keep its power switch within reach",
         )
-    guard = Guard(raw_access, stop, warn, link.held, heartbeat)
+    guard, outer = Guard(raw_access, stop, warn, link.held, heartbeat), link.guard
     try:
+        if outer is not None:
+            outer.disarm()
         guard.arm()
+        link.guard = guard
         yield guard
     finally:
         guard.disarm()
+        link.guard = outer
+        if outer is not None:
+            outer.arm()
 
 
 class Guard:

@@ -101,6 +101,7 @@ class Link(ABC):
     observers who is told of what passes, see `transcript.observed`
     overheard whether what passes is told at all
     over      nothing can come any more: a transcript that has been played to its end
+    guard     the child that stops the device if this process dies (`deadman`), None = none
     """
 
     name: str = ""
@@ -110,6 +111,7 @@ class Link(ABC):
     held: tuple[int, ...] = ()
     observers: tuple[Any, ...] = ()
     overheard: bool = False
+    guard: Any = None
 
     at_once = Deadline(float, float("-inf"))
     """Over on any clock: for what has arrived, without a wait."""

@@ -36,6 +36,8 @@ WRITE_SECONDS = 1.0
 AGAIN_SECONDS = 0.005
 """Between two readings of the flags: at 10 kbit/s one frame takes longer, at those of hands it is tried many times."""
 LONGEST = 4096
+BARE = [b"\r"] * 4
+"""Answers to two empty lines, V and N by an adapter that acknowledges what it does not know. Some acknowledge no empty line."""
 QUEUE_FULL, WARNING, PASSIVE, BUS_ERROR = 0x02, 0x04, 0x20, 0x80
 FLAGS = {
     0x01: "receive queue full", QUEUE_FULL: "transmit queue full", WARNING: "error warning", 0x08: "overrun",
@@ -115,11 +117,14 @@ class SlcanBus(slcanBus):
                 version = text[1:]
             elif len(text) > 1 and text[:1] == b"N" and text.isalnum():
                 serial_number = text[1:]
-            if bool(version) + bool(serial_number) + bells >= 2:
+            if bool(version) + bool(serial_number) + bells >= 2 or came == BARE:
                 break
             if version or bells:
                 end = min(end, clock.now() + MORE_SECONDS)
-        self._met = bool(version or serial_number or bells) or any(_FRAME.fullmatch(line[:-1]) for line in came)
+        bare = (
+            len(came) > 1 and came == BARE[: len(came)] and not self._buffer
+        )  # no shell answers with nothing but this
+        self._met = bool(version or serial_number or bells or bare) or any(_FRAME.fullmatch(line[:-1]) for line in came)
         if not self._met:
             heard = b"".join(came) + bytes(self._buffer)
             if {b"V\r", b"N\r"} <= set(came):

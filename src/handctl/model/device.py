@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
@@ -18,6 +18,7 @@ from handctl.errors import (
     HandctlError,
     Hint,
     Interrupted,
+    LinkError,
     NoAnswer,
     NotIdentified,
     NotPresent,
@@ -29,8 +30,9 @@ from handctl.fast_classes import NamedTuple
 from handctl.model.command_settings import Settings
 from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
-from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
+from handctl.model.stop_on_interrupt import stopped_by_ctrl_c, stopped_by_error
 from handctl.model.stop_sequence import (
+    RECONNECT_SECONDS,
     StopContext,
     Stopped,
     StopPlan,
@@ -153,15 +155,15 @@ class Line:
         """Let time pass, but not beyond the deadline of the command."""
         self.link.sleep(min(seconds, self.bound.remaining) if self.bound is not None else seconds)
 
-    def clock(self, wait: float, refresh: float, what: str) -> Clock:
-        """The time of a movement of `what` that is watched for `wait` seconds at most, every `refresh` seconds."""
+    def clock(self, wait: float, refresh: float) -> Clock:
+        """The time of a movement that is watched for `wait` seconds at most, every `refresh` seconds."""
         from handctl.model.movement import Clock
 
         end = self.link.deadline(wait)
 
         def tick() -> None:
             self.pause(refresh)
-            self.out_of_time(f"the end of the movement. {what} may still move", "the end of the movement")
+            self.out_of_time("the end of the movement", "that")
 
         return Clock(self.link.now, lambda: end.expired, tick)
 
@@ -370,14 +372,34 @@ class Device(ABC):
 
     @contextmanager
     def driven(
-        self, prompts: Prompts, *, heartbeat: float = 0.0, powered: bool = False, what: str = ""
+        self,
+        prompts: Prompts,
+        *,
+        heartbeat: float = 0.0,
+        powered: bool = False,
+        what: str = "",
+        who: str = "The device",
     ) -> Iterator[Guard]:
-        """Around a movement: Ctrl-C and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
+        """Around a movement of `who`: Ctrl-C, an error and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
+        stop = partial(self.stop, powered=powered)
         with (
             self.guarded(heartbeat=heartbeat, powered=powered) as guard,
-            stopped_by_ctrl_c(lambda: self.stop(powered=powered), prompts, what),
+            stopped_by_ctrl_c(stop, prompts, what),
+            self.stopped_by_error(stop, prompts, who),
         ):
             yield guard
+
+    def stopped_by_error(self, stop: Callable[[], Stopped], prompts: Prompts, who: str) -> AbstractContextManager[None]:
+        """Around a movement: an error stops it. A lost connection is opened again for that, where that can be done."""
+
+        def again() -> Stopped:
+            stopped = stop()
+            with suppress(LinkError):
+                if stopped.error is LinkError and self.link.reconnect(RECONNECT_SECONDS):
+                    return stop()
+            return stopped
+
+        return stopped_by_error(again, prompts, self.journal.counters, who)
 
     # -- reading -------------------------------------------------------------------------------------------------
 
@@ -540,6 +562,14 @@ class Device(ABC):
         """
         raise NotImplementedError(f"{self.kind} sets nothing by name")
 
+    def lets_go(self, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:
+        """The axes that these writes let go, beside those that they command. Raises what kept it from being read."""
+        names = {element.param.name for element, _ in changes}
+        if not any(release.by in names for release in self.releases):
+            return []
+        self.identify()
+        return pending_moves(self, changes)
+
     def check_read_back(
         self, changes: Sequence[tuple[Element, Number]], readings: Sequence[Reading], hint: str
     ) -> None:
@@ -633,21 +663,27 @@ class Release(NamedTuple):
 
 
 class PendingMove(NamedTuple):
-    """An axis that would move from `here` to `there`, or push with the force `there`: then `here` is None."""
+    """An axis that would move from `here` to `there`, or push with the force `there`: then `here` is None.
+
+    `there` is None where the device does not show its target: nobody knows whether it would move.
+    """
 
     part: str
     target: str
     here: Number | None
-    there: Number
+    there: Number | None
 
     def row(self, *more: tuple[str, str]) -> ValueChange:
         """Its line of the table that a question shows."""
-        return ValueChange(f"{self.part} ({self.target})", self.here, self.there, more)
+        return ValueChange(f"{self.part} ({self.target})", self.here, "?" if self.there is None else self.there, more)
 
 
 def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:
     """The axes that these writes would let go, from what the device tells now. Raises what kept it from being read."""
     freed: dict[tuple[str, bool], None] = {}
+    # let go by a trigger: it was driven until its error came, so a target that reads as none is one that is not shown
+    triggered: set[str] = set()
+    unshown: dict[str, PendingMove] = {}
     for release in device.releases:
         written = {element.part: value for element, value in changes if element.param.name == release.by}
         if not written:
@@ -657,6 +693,7 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
         for element, old in zip(parts, _values(device, parts), strict=True):
             if release.frees(old, written[None if whole else element.part]):
                 freed[element.part or "", release.closing] = None
+                triggered |= {element.part or ""} if whole else set()
     if not freed:
         return []
     found: dict[PendingMove, None] = {}
@@ -669,10 +706,16 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
         for element in targets:
             part = element.part or ""
             there, here = at[element.full_name], at.get(f"{course.actual}.{part}")
-            if here is None or there in element.param.special or abs(there - here) <= course.near:
+            if here is None or there in element.param.special:
+                if part in triggered:
+                    unshown.setdefault(part, PendingMove(part, course.target, here, None))
+                continue
+            triggered.discard(part)
+            if abs(there - here) <= course.near:
                 continue
             if (part, False) in freed or course.closes(here, there):
                 found[PendingMove(part, course.target, here, there)] = None
+    found.update({one: None for part, one in unshown.items() if part in triggered})
     forces = [one for param in device.map if param.acts == PUSHES for one in elements_of(param)]
     forces = [one for one in forces if (one.part or "", False) in freed]
     for element, force in zip(forces, _values(device, forces) if forces else (), strict=True):
@@ -698,8 +741,13 @@ def pending_table(waiting: Sequence[PendingMove]) -> Changes:
 
 def question(waiting: Sequence[PendingMove]) -> str:
     """The question before such a write."""
-    moving = [one.part for one in waiting if one.here is not None]
+    moving = [one.part for one in waiting if one.here is not None and one.there is not None]
+    hidden = [one for one in waiting if one.there is None]
     text = "This moves what has not reached its target yet" if moving else ""
+    if hidden:
+        text = joined(text, "This may move what was stopped by an error: the device does not show its target")
     if len(set(moving)) < len(moving):
         text += ". Of two targets of a finger, the one that was set last counts"
-    return joined(text, "This may let a finger push with its commanded force" if len(moving) < len(waiting) else "")
+    return joined(
+        text, "This may let a finger push with its commanded force" if len(moving) + len(hidden) < len(waiting) else ""
+    )

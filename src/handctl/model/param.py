@@ -342,13 +342,13 @@ class ParamMap(Generic[P]):
         if param.verb:
             starts = "it is not a value: writing it starts something" if param.trigger else "it has its own command"
             raise UsageError(
-                f"{param.name} is not written by `set`: {starts}",
+                f"`{param.name}` is not written by `set`: {starts}",
                 hint=Hint("use {}", f"{self.kind} {param.verb}"),
                 code="trigger",
             )
         if not param.writable:
             raise UsageError(
-                f"{param.name} is read-only ({param.source})",
+                f"`{param.name}` is read-only ({param.source})",
                 hint=Hint("{} lists the writable quantities", f"{self.kind} describe"),
                 code="read-only",
             )
@@ -394,12 +394,13 @@ class ValueChange(NamedTuple):
     """A line of the table that a question shows: `what` goes from one value to another.
 
     now   the value of today, None where it was not read
+    new   "?" where nobody knows it
     more  heading and text of what else counts, such as the speed
     """
 
     what: str
     now: Number | None
-    new: Number
+    new: Number | str
     more: tuple[tuple[str, str], ...] = ()
 
     def __str__(self) -> str:

@@ -440,6 +440,8 @@ class Journal:
         self._blamed: tuple[HandctlError, int] | None = None
         self._moving: tuple[Callable[[], Stopped], int] | None = None
         self.on_message = on_message
+        self.set_going: Callable[[], object] | None = None
+        """Called before what moves the device is written, in one of several commands. Raises LinkError."""
 
     def keep(self, table: Table) -> None:
         """Keep what was read so far: it is shown when the command ends here. Of several the fullest stays."""
@@ -447,7 +449,12 @@ class Journal:
             self.kept = table
 
     def moves(self, stop: Callable[[], Stopped]) -> None:
-        """From now on, writes move the device and the movement goes on without this command. `stop` stops it and reports the result."""
+        """From now on, writes move the device and the movement goes on without this command. `stop` stops it and reports the result.
+
+        Raises LinkError where the device cannot be watched over: then nothing must be driven.
+        """
+        if self.set_going is not None:
+            self.set_going()
         self._moving = stop, self._moving[1] if self._moving is not None else self.ledger.mark
 
     @property

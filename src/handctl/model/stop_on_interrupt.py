@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from handctl.errors import Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
+from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
 from handctl.model.stop_sequence import Stopped
 
 if TYPE_CHECKING:
@@ -32,6 +32,7 @@ def interrupt_error(stopped: Stopped, what: str = "") -> HandctlError:
     )
 
 
+STOPPED_IT = "handctl has stopped it"
 INTERRUPTED_AGAIN = Stopped(
     "interrupted again while stopping the device", "switch the power off if the device still moves", NoAnswer
 )
@@ -99,6 +100,33 @@ def stopped_by_ctrl_c(stop: Callable[[], Stopped], prompts: Prompts, what: str =
         yield
     except KeyboardInterrupt as exc:
         raise stop_without_interrupts(stop, prompts, what) from exc
+
+
+@contextmanager
+def stopped_by_error(
+    stop: Callable[[], Stopped], prompts: Prompts, since: WriteCounter, who: str = "The device"
+) -> Iterator[None]:
+    """Around a movement that is watched: an error stops it as Ctrl-C does, for nobody watches it afterwards, and tells the result.
+
+    Not where nothing was written in here, or the one write was refused: then nothing was set going.
+    """
+    before = since.writes
+    try:
+        yield
+    except HandctlError as exc:
+        set_going = since.writes - before - isinstance(exc, DeviceRefused)
+        if set_going > 0 and not ended_by_interrupt(exc) and exc.code != STOPPED:
+            with prompts.without_interrupts():
+                prompts.done()
+                try:
+                    stopped = stop()
+                except KeyboardInterrupt:
+                    stopped = INTERRUPTED_AGAIN
+            if exc.left.moving:
+                exc.left = Aftermath()
+            said = f"{who} may still move, because the stop has not been confirmed" if stopped.error else STOPPED_IT
+            exc.add_aftermath(Aftermath(f"{said}: {stopped.text}", stopped.hint, moving=stopped.error is not None))
+        raise
 
 
 def stop_without_interrupts(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:

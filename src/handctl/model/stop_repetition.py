@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.fast_classes import fast_dataclass
@@ -30,31 +30,79 @@ def attempts(context: StopContext) -> int:
 
 @fast_dataclass(frozen=True)
 class StepResult(Generic[T]):
-    """The result of a repeated step: the reply found, or None; all bytes received; and the longest time it can have taken, in s."""
+    """The result of a repeated step.
+
+    found    the reply, None = none
+    came     all bytes received
+    seconds  the longest time that the reply can have taken
+    pending  how many repetitions have had no reply: on a slow line theirs are still to come, one after the other
+    """
 
     found: T | None
     came: Pieces
     seconds: float
+    pending: int = 0
 
 
 def repeat_until_answered(
-    context: StopContext, step: Step, found: Callable[[Pieces], T | None], *, reads: bool = False, ahead: bytes = b""
+    context: StopContext,
+    step: Step,
+    found: Callable[[Pieces], T | None],
+    *,
+    final: Callable[[T], object] = lambda _: True,
+    after: StepResult[Any] | None = None,
+    reads: bool = False,
+    ahead: bytes = b"",
 ) -> Generator[StopStep, Pieces, StepResult[T]]:
-    """Send the step again until something is `found` in all that came since, or its time is over."""
+    """Send the step again until what is `found` in all that came since is `final`, or its time is over.
+
+    A reply that is not final is a refusal, which may pass: a device that is busy obeys a moment later. The last one is the
+    result then. `after` is the result of the step before.
+    """
     came: Pieces = []
-    for count in range(attempts(context)):
-        before = tuple(came)
-        enough = lambda pieces, before=before: found([*before, *pieces]) is not None  # noqa: E731
-        came += yield StopStep(step, interval(context), enough, reads, ahead=ahead)
-        if (what := found(came)) is not None:
-            return StepResult(what, came, (count + 1) * interval(context))
-    return StepResult(None, came, context.within or REPEAT_FOR)
+    what: T | None = None
+    count = refused = 0
+    while count < attempts(context if what is None else context._replace(within=REPEAT_FOR)):
+        before, count = tuple(came), count + 1
+
+        def enough(pieces: Pieces, before: Pieces = before) -> bool:  # type: ignore[assignment]
+            told = found([*before, *pieces])
+            return told is not None and bool(final(told))
+
+        action = StopStep(step, interval(context), enough, reads, ahead=ahead)
+        pieces = yield from behind(context, after if count == 1 else None, action)
+        came += pieces
+        what = found(came)
+        if what is not None and final(what):
+            break
+        refused += found(pieces) is not None
+    return StepResult(what, came, count * interval(context), max(0, count - 1 - refused))
+
+
+def behind(
+    context: StopContext, before: StepResult[Any] | None, action: StopStep
+) -> Generator[StopStep, Pieces, Pieces]:
+    """Send a step once, behind a repeated one; returns what came. Replies to the repetitions may come first, each as late as the first was."""
+    seconds = interval(context)
+    if before is None or not before.pending:
+        return (yield action._replace(seconds=seconds))
+    late = before.seconds + seconds
+    came = list((yield action._replace(seconds=late)))
+    fresh: Pieces = came
+    for _ in range(before.pending):
+        if not fresh or action.enough(came):
+            break
+        enough = lambda pieces, came=tuple(came): action.enough([*came, *pieces])  # noqa: E731
+        fresh = yield action._replace(seconds=late, enough=enough, reads=True, sends=False)
+        came += fresh
+    return came
 
 
 def after_late_replies(context: StopContext, heard: StepResult[T]) -> Generator[StopStep, Pieces, T | None]:
     """Return what was found, after waiting for the replies to the repetitions: on a slow line the next request would get them."""
-    if heard.found is not None and heard.seconds > interval(context):
-        yield from silence(heard.seconds)
+    for _ in range(heard.pending if heard.found is not None else 0):
+        if not (yield from silence(heard.seconds)):
+            break
     return heard.found
 
 

@@ -31,6 +31,8 @@ if TYPE_CHECKING:
     from handctl.model.write_ledger import Ledger
 
 WRITE_SECONDS = 1.0
+RECONNECT_SECONDS = 1.0
+"""How long a connection that was lost is opened again for a stop."""
 SILENCE = 0.3
 """Seconds without sending before a stopped device is checked again, and between two readings of its position.
 
@@ -77,6 +79,7 @@ class StopStep(NamedTuple):
     size     bytes of a reply: their time on the wire is added to the wait
     ahead    bytes sent before the step, so that no other device on the line acts on it
     baud     the baud rate to send it at, None = unchanged. If the port does not support it, nothing is sent
+    sends    it goes out; without, its reply is awaited for longer
     """
 
     step: Step
@@ -86,6 +89,7 @@ class StopStep(NamedTuple):
     baud: int | None = None
     size: int = 32
     ahead: bytes = b""
+    sends: bool = True
 
 
 class Stopped(NamedTuple):
@@ -115,7 +119,7 @@ QUIET = Step("listen", b"")
 
 def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:
     """Send nothing for a while and return what arrives."""
-    return (yield StopStep(QUIET, seconds, lambda _pieces: False, reads=True, size=0))
+    return (yield StopStep(QUIET, seconds, lambda _pieces: False, reads=True, size=0, sends=False))
 
 
 def did_not_last(stopped: Stopped, what: str) -> Stopped:
@@ -254,7 +258,7 @@ def _bytes(link: ByteLink, action: StopStep, pieces: Pieces, went: Callable[[], 
             link.set_baud(action.baud)
         except LinkError:
             return
-    if action.step is not QUIET:
+    if action.sends:
         link.write(action.ahead + action.step.data, link.deadline(WRITE_SECONDS))
         went()
     wire = 10 / link.baud if link.baud else 0.0  # seconds of a byte, 10 bits
@@ -269,7 +273,7 @@ def _bytes(link: ByteLink, action: StopStep, pieces: Pieces, went: Callable[[], 
 
 
 def _frames(link: FrameLink, action: StopStep, pieces: Pieces, went: Callable[[], None]) -> None:
-    if action.step is QUIET:
+    if action.step.can_id is None and not action.sends:
         deadline = link.deadline(action.seconds)
         while not deadline.expired and (heard := link.receive(deadline)) is not None:
             pieces.append(heard.data)
@@ -280,8 +284,9 @@ def _frames(link: FrameLink, action: StopStep, pieces: Pieces, went: Callable[[]
             hint="give a LINK of the kind that the device has",
         )
     request = CanFrame(action.step.can_id, action.step.data)
-    link.send(request, link.deadline(WRITE_SECONDS))
-    went()
+    if action.sends:
+        link.send(request, link.deadline(WRITE_SECONDS))
+        went()
     deadline = link.deadline(action.seconds)
     while not deadline.expired:
         frame = link.receive(deadline)

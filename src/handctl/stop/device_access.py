@@ -17,6 +17,7 @@ from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Inte
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
+    RECONNECT_SECONDS,
     Sent,
     StopContext,
     Stopped,
@@ -43,8 +44,6 @@ MOST = 24
 """Bytes of an answer that are shown."""
 MOST_CAME = 256
 """Bytes of an answer that an acknowledgement is looked for in."""
-RECONNECT_SECONDS = 1.0
-"""How long a connection that was lost is opened again for a stop."""
 LONG = 60
 """Characters of sent bytes that fit into a message."""
 

@@ -183,9 +183,8 @@ def _one_file(path: str) -> Iterator[None]:
 
 def _run(run: Run, lines: Sequence[ScriptLine], *, keep_going: bool) -> Table | None:
     dry = run.settings.dry_run
-    session = Session(
-        run.command, writes=any(one.leaf.writes and not one.settings.dry_run for one in lines), began=run.began
-    )
+    writes = any(one.leaf.writes and not one.settings.dry_run for one in lines)
+    session = Session(run.command, writes=writes, began=run.began, guards=writes)
     failed: list[tuple[ScriptLine, HandctlError]] = []
     done = 0
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -13,12 +14,12 @@ from handctl.command.command_tree import ALONE, Command, root
 from handctl.command.connection import Session
 from handctl.command.family import load, map_of
 from handctl.command.run import Run
-from handctl.command.terminal_prompts import print_message
+from handctl.command.terminal_prompts import is_terminal, print_message
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import state_path
 from handctl.interrupts import end_on_signals
-from handctl.model.stop_on_interrupt import ended_by_interrupt
+from handctl.model.stop_on_interrupt import NOT_STOPPED, ended_by_interrupt
 from handctl.system import terminal
 
 
@@ -29,7 +30,7 @@ def cli(run: Run, family: str | None) -> None:
 
     Type each command without `handctl`. If you give FAMILY or -d, leave out the family too. TAB completes commands and
     quantities, and the history is kept. `sleep S` waits S seconds. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
-    Ctrl-D ends the shell.
+    at the prompt too. Ctrl-D ends the shell and stops nothing.
     """
     shell(run, family or "")
 
@@ -53,7 +54,10 @@ class Shell:
         self._read_line = read_line
         self._given = options_for_lines(run.context)
         self.family = family or run.settings.kind or ""
-        self._session = Session(run.command, writes=True)
+        self._on_terminal = is_terminal(sys.stdin)
+        self._session = Session(run.command, writes=True, guards=True)
+        self._not_stopped: HandctlError | None = None
+        """How the stop failed with which the last line, or an interrupt at the prompt, has ended."""
 
     @property
     def prompt(self) -> str:
@@ -73,10 +77,17 @@ class Shell:
         try:
             while self._one():
                 pass
+            if self._on_terminal and not is_terminal(
+                sys.stdin
+            ):  # it was closed, which ends the input before the signal comes
+                self._stop_moving()
+        except KeyboardInterrupt as exc:
+            self._stop_moving()
+            raise self._not_stopped or exc from None
         finally:
             if editing:
                 terminal.keep_history(str(path))
-            failure = self._session.close(run.journal)
+            failure = self._not_stopped or self._session.close(run.journal)
         if failure is not None:
             raise failure
 
@@ -86,12 +97,13 @@ class Shell:
         try:
             typed = self._read_line(self.prompt)
         except EOFError:
-            self._run.out("")
+            if not self._on_terminal or is_terminal(sys.stdin):
+                self._run.out("")
             return False
         except KeyboardInterrupt:
             stopped = self._session.stopped(self._run.journal)
-            hint = "at the prompt, Ctrl-C stops no device: type `stop`" if self._session.moves else ""
-            print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", hint)
+            if stopped is not None or not self._stop_moving():
+                print_message("note", stopped.text if stopped is not None else "Ctrl-D ends the shell", "")
             return True
         try:
             words = split_line(typed)
@@ -109,8 +121,17 @@ class Shell:
             self.carry_out(words)
         return True
 
+    def _stop_moving(self) -> bool:
+        """Stop what lines have set going and left; whether there was anything."""
+        ended = self._session.stop_moving(self._run.prompts)
+        for stop in ended:
+            print_message("error", stop.text, stop.hint)
+        self._not_stopped = next((stop for stop in ended if stop.code == NOT_STOPPED), None)
+        return bool(ended)
+
     def carry_out(self, words: Sequence[str]) -> None:
         """Run one line; an error is shown, and the shell continues."""
+        self._not_stopped = None
         try:
             parse_line(self._whole(words), self._given).run(self._session, self._run.journal)
         except click.exceptions.Exit:
@@ -119,8 +140,7 @@ class Shell:
             if exc.text != "interrupted":
                 print_message("error", exc.text, exc.hint)
             if ended_by_interrupt(exc):
-                for stop in self._session.stop_moving(self._run.prompts):
-                    print_message("error", stop.text, stop.hint)
+                self._stop_moving()
         except click.ClickException as exc:
             print_message("error", exc.format_message(), "")
 

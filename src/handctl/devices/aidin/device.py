@@ -5,8 +5,8 @@ Mode and data always travel in one object. Ctrl-C during anything that moves sen
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
@@ -70,6 +70,10 @@ class AidinHand(Device):
         return context._replace(settings=context.settings._replace(own=own))
 
     # -- reading -------------------------------------------------------------------------------------------------
+
+    def stopped_by_error(self, stop: Callable[[], Stopped], prompts: Prompts, who: str) -> AbstractContextManager[None]:
+        """See Device. A stop lets go what the hand holds: each movement decides which of its errors stop it (`stopped_on_error`)."""
+        return nullcontext()
 
     def ready(self) -> None:
         self.conversation.connect()

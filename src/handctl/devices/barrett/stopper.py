@@ -110,11 +110,18 @@ def _at(
     tries = TRIES if ended else 1  # it is there: T goes out again until it is answered
     seconds = slow or (POWER_OFF if ended else power) / tries
     pieces: Pieces = []
-    for _ in range(tries):
+    answer: Answer | None = None
+    count = 0
+    while count < (tries if answer is None else TRIES):
+        if answer is not None:  # it is there, and refused: it may obey a moment later
+            came, pieces = [*came, *pieces], list((yield from silence()))
         pieces += yield StopStep(step, seconds, partial(_answered, command, tuple(pieces)), baud=speed)
-        if _answer(command, pieces) is not None:
-            break
-    return StopAttempt(speed, _answer(command, pieces), ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
+        count += 1
+        if (now := _answer(command, pieces)) is not None:
+            answer = now
+            if not _refusal(now):
+                break
+    return StopAttempt(speed, answer, ended, b"".join([*came, *pieces]), f"^C and {command}{where}")
 
 
 def _ending(command: str, turns: list[StopAttempt]) -> Stopped:
@@ -126,7 +133,7 @@ def _ending(command: str, turns: list[StopAttempt]) -> Stopped:
     at = f" at {last.speed} bit/s" if last.speed is not None else ""
     before = f"no reply at {turns[0].speed} bit/s. " if last.speed != turns[0].speed else ""
     ended = f"{before}^C{at} brought a prompt" if last.ended else f"{before}^C{at} had no reply"
-    if answer.lines or answer.status & ~HARMLESS:
+    if _refusal(answer):
         told = f"{answer.status} ({explain_status(answer.status)})" if answer.status else repr(answer.lines[0])
         text = f"{ended}. The reply to {command} was {told}, so the motors may still have power"
         refused = DeviceRefused if answer.status else ProtocolError
@@ -134,6 +141,10 @@ def _ending(command: str, turns: list[StopAttempt]) -> Stopped:
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     text = f"{ended}. {command} was acknowledged{status}: motor power is off"
     return Stopped(text, evidence=f"{command} was acknowledged{at}{status}" if len(turns) == 1 or status else "")
+
+
+def _refusal(answer: Answer) -> bool:
+    return bool(answer.lines or answer.status & ~HARMLESS)
 
 
 def _unanswered(turns: list[StopAttempt]) -> Stopped:

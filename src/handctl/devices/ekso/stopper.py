@@ -21,7 +21,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     mode = str(context.settings.own.get("length_mode", "body"))
     request = encode(Command.CANCEL_ACTION, MSG_ID, cancel_body(), "body" if mode == "auto" else mode)
     step = Step("CancelAction: cancel the running action", request, moves=True)
-    heard = yield from repeat_until_answered(context, step, lambda came: _answer(request, came))
+    heard = yield from repeat_until_answered(context, step, lambda came: _answer(request, came), final=_accepted)
     frame, pieces = heard.found, heard.came
     if frame is None:
         text = (
@@ -30,13 +30,17 @@ def stop_steps(context: StopContext) -> StopSequence:
             else "CancelAction was sent, but no valid reply arrived"
         )
         return Stopped(f"{text}. {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
-    if frame.status & 0xFF:
+    if not _accepted(frame):
         return Stopped(f"CancelAction was not accepted: {status_text(frame.status)}. {LIMIT}", HINT, DeviceRefused)
     return Stopped(f"CancelAction was accepted. {LIMIT}", HINT)
+
+
+def _accepted(frame: Frame) -> bool:
+    return not frame.status & 0xFF
 
 
 def _answer(request: bytes, pieces: Pieces) -> Frame | None:
     decoder = Decoder()
     decoder.expect(request)
     decoder.feed(b"".join(pieces))
-    return next((frame for frame in frames_in(decoder) if frame.answers(request)), None)
+    return next((frame for frame in reversed(list(frames_in(decoder))) if frame.answers(request)), None)

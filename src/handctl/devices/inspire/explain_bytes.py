@@ -984,6 +984,8 @@ class InspireWriteRules:
         for piece in self._shown.feed(DEVICE, data, can_id):
             if piece.problem not in ("", "refused") or (can_id is not None and data == self._can.get(can_id)):
                 continue  # what may be our own write coming back: who asked knows whether it is
+            if piece.problem and (mode := mode_of(piece.raw)) and pdu_of(piece.raw, mode)[1] in modbus_frames.UNSURE:
+                continue  # it is no refusal
             key, save = piece.answers, self._save
             if save and key == save and not piece.problem:
                 continue

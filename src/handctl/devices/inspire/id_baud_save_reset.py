@@ -18,7 +18,7 @@ from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, R
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
-from handctl.model.param import Element, Reading, elements_of
+from handctl.model.param import Element, Reading, Step, elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
 
@@ -211,12 +211,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
             )
         return row
     if probe(bus, old):
-        hand.journal.ledger.doubt(f"still responds to id {old}", step)
-        raise CheckFailed(
-            f"{bus.link.name}: the hand still responds to id {old}, not to {new}",
-            hint="run the command again: the id was not changed, so this is safe",
-            code="read-back",
-        )
+        raise _still_old(hand, new, step)
     try:
         bus.at(device_id=new).read(*bus.presence)
     except (NoAnswer, ProtocolError) as exc:
@@ -226,6 +221,26 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
         ) from exc
     bus.id = new
     return _id_row(hand, old)
+
+
+def _still_old(hand: RegisterDevice, new: int, step: Step) -> CheckFailed:
+    """The error of a hand that still replies to its old id. Its register tells whether the new one waits for a power-cycle."""
+    bus, register = hand.bus, hand.map["id"]
+    text = f"{bus.link.name}: the hand still responds to id {bus.id}, not to {new}"
+    try:
+        holds = register.decode(bus.read(register.address, register.size))
+    except (NoAnswer, ProtocolError, DeviceRefused):
+        hand.journal.ledger.doubt(f"still responds to id {bus.id}", step)
+        unread = "its register could not be read, so it may have the new id after a power-cycle. Then run {}"
+        return CheckFailed(text, hint=Hint(unread, f"{hand.kind} scan"), code="read-back")
+    hand.journal.ledger.doubt(f"still responds to id {bus.id}, and register {register.place} reads {holds}", step)
+    if holds == bus.id:
+        safe = (
+            f"register {register.place} reads {holds}: the id was not changed, so it is safe to run the command again"
+        )
+        return CheckFailed(text, hint=safe, code="read-back")
+    waits = f"register {register.place} reads {holds} already, which may count after a power-cycle. Power-cycle the hand, then run {{}}"
+    return CheckFailed(f"{text} yet", hint=Hint(waits, f"{hand.kind} scan"), code="id-waits")
 
 
 def _id_row(hand: RegisterDevice, before: int) -> Table:

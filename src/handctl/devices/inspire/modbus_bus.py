@@ -390,6 +390,9 @@ class ModbusBus(ByteBus):
         if code == modbus_frames.NO_TARGET:
             hint = "behind the gateway, check the power (24 V), the id, and the RS-485 wires A and B"
             return NoAnswer(f"{self.where}: the gateway got no reply to {sent}: {name}", hint=hint, code="gateway")
+        if code in modbus_frames.UNSURE and not self.only_reads(request):
+            text = f"{self.where}: the hand replied to {sent} with {name}, so it may carry it out all the same"
+            return NoAnswer(text, hint="read the values before you write again", code=f"modbus-{code}")
         hint = Hint("check the address against {}", "hand describe")
         if not self.only_reads(request):
             hint = "read the value before you write again: the hand reports that it did not accept it"

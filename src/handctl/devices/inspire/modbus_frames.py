@@ -36,6 +36,8 @@ RTU_SPEED = 115200
 AT_WORK = (5, 6)
 PASSING = (4, *AT_WORK)
 """Says nothing about which device refuses: the same question may be answered next."""
+UNSURE = (5, NO_TARGET)
+"""Behind a write, it may be carried out all the same: it goes on (05 acknowledges it), or nobody knows. 04 reports an error."""
 EXCEPTIONS = {
     1: "illegal function", 2: "illegal address", 3: "illegal value", 4: "device failure", 5: "still at work", 6: "busy",
     NO_PATH: "gateway path unavailable", NO_TARGET: "gateway target failed to respond",

@@ -17,7 +17,7 @@ from typing import TypeVar
 from handctl.devices.inspire.duplicate_id import refuse_duplicate_id
 from handctl.devices.inspire.eb90 import MAX_COUNT
 from handctl.devices.inspire.identity import at_work, within
-from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span, may_still_move
+from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span
 from handctl.devices.inspire.register_map import BAUD_RATES, Register, register_of
 from handctl.errors import (
     Aftermath,
@@ -478,7 +478,7 @@ class RegisterDevice(Device):
     def moved(
         self, this: Movement, start: Callable[[], object], prompts: Prompts, *, wait: float, expect: str
     ) -> tuple[Table, list[Arrival]]:
-        """Start a movement and watch until it has ended or `wait` seconds have passed. Ctrl-C and the death of this process stop it.
+        """Start a movement and watch until it has ended or `wait` seconds have passed. Ctrl-C, an error and the death of this process stop it.
 
         Rows have the target and what became of it; what was not as expected is the table's failure.
         """
@@ -489,9 +489,9 @@ class RegisterDevice(Device):
             last[:] = self.read(this.elements)
             return this.seen(last)
 
-        with self.driven(prompts), may_still_move(this.what.lower()):
+        with self.driven(prompts, who=this.what):
             start()
-            clock = self.bus.clock(wait, this.still.refresh, this.what)
+            clock = self.bus.clock(wait, this.still.refresh)
             self.bus.pause(this.pause)
             seen = watch(this.goals, this.still, look, prompts, clock)
             deeper = this.evidence(seen, last) or {}

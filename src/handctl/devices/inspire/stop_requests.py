@@ -104,7 +104,7 @@ class Wire(NamedTuple):
 
             def counted(pieces: Pieces) -> int | None:
                 # empty, or the number of bytes taken; longer is our own frame, or a late answer to a read
-                short = next((piece for piece in pieces if len(piece) < 2), None)
+                short = next((piece for piece in reversed(pieces) if len(piece) < 2), None)
                 return None if short is None else TAKEN if short in (b"", bytes([len(data)])) else REFUSED
 
             return Step(meaning, payload, moves=True, can_id=can_id), counted
@@ -140,9 +140,18 @@ class Wire(NamedTuple):
         return modbus_frames.tcp(1, pdu) if self.name == TCP else modbus_frames.rtu(self.context.number, pdu)
 
     def _answer(self, pieces: Pieces, pdu: bytes) -> modbus_frames.Answer | None:
-        decoder = modbus_frames.TcpDecoder() if self.name == TCP else modbus_frames.RtuDecoder(self.context.number, pdu)
-        decoder.feed(b"".join(pieces))
-        return next((one for one in frames_in(decoder) if modbus_frames.answers(one.pdu, pdu)), None)
+        """The last answer to `pdu` in what came."""
+        data = b"".join(pieces)
+        if self.name == TCP:
+            # the rest of a reply that came in pieces may stand before it, and a header has no mark of its own
+            sizes = ((start, modbus_frames.tcp_size(data[start : start + 8])) for start in range(len(data)))
+            whole = [data[start : start + size] for start, size in sizes if 0 < size <= len(data) - start]
+            found = [modbus_frames.Answer(frame[6], frame[modbus_frames.MBAP :]) for frame in whole]
+        else:
+            decoder = modbus_frames.RtuDecoder(self.context.number, pdu)
+            decoder.feed(data)
+            found = list(frames_in(decoder))
+        return next((one for one in reversed(found) if modbus_frames.answers(one.pdu, pdu)), None)
 
 
 def hold_target(reading: int, low: int, high: int, near: int) -> int | None:

@@ -17,18 +17,17 @@ WORN = "This may move or change a hand that a person may be wearing"
 
 
 def plan_raw(data: bytes, force_ambiguous: bool) -> Step:
-    """What these bytes would do to an exoskeleton hand. Reads are harmless; anything else is not.
+    """What these bytes would do to an exoskeleton hand. Reads are harmless; anything else is not, a frame without its beginning included:
+    bytes that somebody sent before may complete it.
 
     What only lacks the right checksum is planned, refused and asked as the frame it almost is: an error of the line may put
     it right, and a device may be lenient.
     """
     pieces = InspireExplainer(EXO).decode(data, HOST)
-    hosts = [piece for piece in pieces if piece.raw.startswith(eb90.HOST)]
     goes_on = data.endswith(eb90.HOST[:1])  # bytes sent later would complete a frame
-    if not hosts and not goes_on:
-        return Step("no valid frame in it, so the hand should not reply", data)
     piece, *more = pieces
-    if more or not (piece.frame or (piece.problem == "bad-checksum" and not goes_on)):
+    whole = piece.raw.startswith(eb90.HOST) and (piece.frame or (piece.problem == "bad-checksum" and not goes_on))
+    if more or not whole:
         return several(data, pieces, lambda frame: plan_raw(frame, force_ambiguous))
     frame = eb90.Frame(data[:2], data[2], data[4], data[5:-1])
     if frame.flag == eb90.READ and len(frame.payload) == 3:

@@ -6,13 +6,15 @@ is always from a place just read. A finger whose reading is no position is left 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_map import ALONE
 from handctl.devices.inspire.stop_requests import (
     QUICK,
+    REFUSED,
+    TAKEN,
     Axes,
     Read,
     Wire,
@@ -25,8 +27,8 @@ from handctl.devices.inspire.stop_requests import (
 )
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
-from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep
+from handctl.model.stop_repetition import attempts, behind, repeat_until_answered
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
     EXO[name].address for name in ("position_set", "force_set", "position_actual")
@@ -56,7 +58,7 @@ def stop_steps(context: StopContext) -> StopSequence:
             )
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * len(FINGERS)), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
-    meaning, late = "", False
+    meaning, late, verdict = "", False, None
     for _ in range(attempts(context)):
         heard = yield from repeat_until_answered(context, force, lambda pieces: answer(pieces, told), ahead=wire.first)
         came += heard.came
@@ -64,14 +66,10 @@ def stop_steps(context: StopContext) -> StopSequence:
             break
         places = eb90.unpack_s16(heard.found.payload)[: len(FINGERS)]
         axes = Axes(FINGERS, places, [hold_place(place) for place in places])
-        step, taken, meaning = hold(number, axes.targets)
-        # on a slow line as long as the forces have taken
-        pieces = yield StopStep(
-            step,
-            max(interval(context), heard.seconds),
-            lambda pieces, taken=taken: answer(pieces, taken),  # type: ignore[misc]
-        )
-        if answer(pieces, taken) is None:
+        step, taken, meaning = hold(wire, axes.targets)
+        action = StopStep(step, 0.0, lambda pieces, taken=taken: taken(pieces) == TAKEN)  # type: ignore[misc]
+        verdict = taken((yield from behind(context, heard, action)))
+        if verdict != TAKEN:
             continue
         wanted: list[int | None] = [*axes.targets, *[0] * len(FINGERS)]
         now = yield from _targets(wire)
@@ -85,6 +83,9 @@ def stop_steps(context: StopContext) -> StopSequence:
             Stopped(done), lambda: _places(wire), lambda: _targets(wire), wanted, NOISE, axes.targets
         )
         return axes.judge(stopped, [hold_place(place) for place in last], POWER)
+    if verdict == REFUSED:
+        text = f"the hand acknowledged the command that sets all forces to 0, but refused the next one: {meaning}"
+        return Stopped(text, POWER, DeviceRefused)
     if meaning:
         text = f"the hand acknowledged the command that sets all forces to 0, but not the next one: {meaning}"
         return Stopped(text, POWER, NoAnswer)
@@ -120,16 +121,15 @@ def hold_place(place: int) -> int | None:
     return None if place == ALONE else hold_target(place, 0, 1000, NEAR)
 
 
-def hold(number: int, targets: Sequence[int | None]) -> tuple[Step, bytes, str]:
-    """The command to hold the fingers, its acknowledgement, and both in words. None for a finger that is left alone.
+def hold(wire: Wire, targets: Sequence[int | None]) -> tuple[Step, Callable[[Pieces], int | None], str]:
+    """The command to hold the fingers, what judges it in what comes, and the command in words. None for a finger that is left alone.
 
     The command for all five has no value for that, but their registers have one (exo §2.2.2, §2.3.7).
     """
-    places = [ALONE if target is None else target for target in targets]
+    places, number = [ALONE if target is None else target for target in targets], wire.context.number
     held = f"hold at {' '.join(map(str, places))}"
     if None not in targets:
         data, prefix = eb90.command_request(number, eb90.POSITION_COMMAND, places), eb90.command_reply_prefix(number, eb90.POSITION_COMMAND)  # fmt: skip
-        return Step(held, data, moves=True), prefix, held
+        return Step(held, data, moves=True), lambda pieces: None if answer(pieces, prefix) is None else TAKEN, held
     meaning = f"move no finger (position_set {ALONE})" if not any(target is not None for target in targets) else held
-    data, prefix = eb90.write_request(number, POSITION_SET, eb90.pack_s16(places)), eb90.write_ack_prefix(number, POSITION_SET)  # fmt: skip
-    return Step(meaning, data, moves=True), prefix, meaning
+    return *wire.writing(POSITION_SET, eb90.pack_s16(places), meaning), meaning

@@ -112,7 +112,7 @@ def releasing(hand: Hand, changes: Sequence[tuple[Element, Number]], question: s
 def _released(hand: Hand, changes: Sequence[tuple[Element, Number]]) -> list[device.PendingMove]:
     """Further fingers that the same write lets go."""
     commanded = {element.part for element, _ in changes if element.param.name in MOVED}
-    return [one for one in device.pending_moves(hand, changes) if one.part not in commanded]
+    return [one for one in hand.lets_go(changes) if one.part not in commanded]
 
 
 def tell_no_speed(hand: Hand, changes: Sequence[tuple[Element, Number]], before: Before) -> None:

@@ -74,14 +74,15 @@ def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stoppe
         return _other(states) if shown is None else (yield from _stop_by(context, wire, shown))
     if not asks or states is not None:
         return (yield from _stop_by(context, wire, hand))
-    if (failed := (yield from _speed_0(context, wire, hand))) is not None:
-        return failed
+    done = yield from _speed_0(context, wire, hand)
+    if done.error is not None:
+        return done
     step, found = wire.asking(*STATES, ASKS)
     states = yield from after_late_replies(
         context, (yield from repeat_until_answered(context, step, found, reads=True, ahead=wire.first))
     )
     if states is not None and _is_hand(states):
-        return (yield from _lasting(wire, hand))
+        return (yield from _lasting(wire, hand, done))
     if (shown := (yield from _word_map(wire))) is not None:
         return (yield from _stop_by(context, wire, shown))
     text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
@@ -90,31 +91,41 @@ def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stoppe
 
 def _stop_by(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
     """The stop of a hand whose map is known."""
-    return (yield from _speed_0(context, wire, hand)) or (yield from _lasting(wire, hand))
+    done = yield from _speed_0(context, wire, hand)
+    return done if done.error is not None else (yield from _lasting(wire, hand, done))
 
 
-def _speed_0(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped | None]:
-    """Speed 0 where this map has it; why it was not acknowledged."""
-    register = hand["speed_set"]
+def _speed_0(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
+    """Speed 0 where this map has it; what shows that the hand has it, or an error.
+
+    A hand that replies with an exception that leaves it open is believed when its speeds read 0.
+    """
+    register, done = hand["speed_set"], Stopped("the hand acknowledged speed 0 for every finger")
     zeros = b"".join(register.encode(0) for _ in range(register.count))
     size = can_frames.MAX_COUNT if wire.name == CAN else len(zeros)
     for start in range(0, len(zeros), size):
         place, data = (register.address + start) // register.per, zeros[start : start + size]
         step, verdict = wire.writing(place, data, "set the speed of every finger to 0")
-        heard = yield from repeat_until_answered(context, step, verdict, ahead=wire.first)
+        heard = yield from repeat_until_answered(context, step, verdict, final=TAKEN.__eq__, ahead=wire.first)
         said = yield from after_late_replies(context, heard)
         if said is None:
             return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
+        if said in modbus_frames.UNSURE:
+            speeds = yield from _values(wire._replace(context=context._replace(within=REPEAT_FOR)), register)
+            if speeds is not None and not any(speeds):
+                text = f"every finger has speed 0 now, although the hand replied with exception {said:02X}"
+                done = Stopped(text, evidence="read back")
+                continue
         if said != TAKEN:
             return BY_GATEWAY.get(said, REFUSED_IT)
-    return None
+    return done
 
 
-def _lasting(wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
+def _lasting(wire: Wire, hand: ParamMap[Any], done: Stopped) -> Generator[StopStep, Pieces, Stopped]:
     """After an acknowledged speed 0: whether it lasts. The protocol is known by now, so a late hand gets the usual time."""
     wire = wire._replace(context=wire.context._replace(within=REPEAT_FOR))
     register = hand["speed_set"]
-    stopped = Stopped(f"the hand acknowledged speed 0 for every finger. {GOES_ON}. {POWER}")
+    stopped = done._replace(text=f"{done.text}. {GOES_ON}. {POWER}")
     places = lambda: _values(wire, hand["angle_actual"])  # noqa: E731
     stopped, _ = yield from check_again(stopped, places, lambda: _values(wire, register), [0] * register.count, NOISE)
     return stopped

@@ -11,6 +11,7 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
+from handctl.command.get_set_watch import ask_released
 from handctl.command.option_types import SECONDS
 from handctl.command.options import REPLY_WAIT
 from handctl.command.run import PlannedAction, Run
@@ -104,7 +105,8 @@ def move(
 ) -> PlannedAction:
     """Move to angles in degrees and wait until the wrist has stopped moving.
 
-    Shows the angles it reached. Ctrl-C makes the wrist hold its position.
+    Shows the angles it reached. Ctrl-C makes the wrist hold its position. Asks first if an axis that you do not name is off its set angle,
+    as after power-on: it may turn too.
     """
     wanted = {"yaw_set": yaw, "pitch_set": pitch, "move_time": time}
     values = {name: WRIST[name].parse(text, name) for name, text in wanted.items() if text is not None}
@@ -127,7 +129,12 @@ def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | No
     changes = planner.targets(values.get("pitch_set"), values.get("yaw_set"), values.get("move_time"))
     steps = planner.plan(changes)
     ending = expected(expect)
-    return PlannedAction(steps, lambda wrist: wrist.move(changes, run.prompts, wait=wait, expect=ending))
+
+    def act(wrist: Wrist) -> Table:
+        ask_released(run, wrist, changes, steps)
+        return wrist.move(changes, run.prompts, wait=wait, expect=ending)
+
+    return PlannedAction(steps, act)
 
 
 @cli.verb("write", "Service", writes=True)
@@ -142,7 +149,12 @@ def write(run: Run, address: str, data: str) -> PlannedAction:
 
     place, payload = address_in(address), by_number.parse_hex(data)
     step = wrist_raw.plan_write(run.planner(), place, payload)
-    return PlannedAction([step], lambda wrist: wrist_raw.write(wrist, place, payload))
+
+    def act(wrist: Wrist) -> Table:
+        ask_released(run, wrist, by_number.changes_of(WRIST, place, payload), [step])
+        return wrist_raw.write(wrist, place, payload)
+
+    return PlannedAction([step], act)
 
 
 @cli.verb("hand-write", "Service", writes=True, asks=True)

@@ -11,8 +11,9 @@ from collections.abc import Collection, Sequence
 from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice
 from handctl.devices.inspire.register_map import pushes, register_of
 from handctl.devices.inspire.wrist.register_map import WRIST
-from handctl.errors import UsageError
+from handctl.errors import CheckFailed, UsageError
 from handctl.link import CanFrame
+from handctl.model.device import PendingMove
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.prompts import Prompts
@@ -93,6 +94,25 @@ class Wrist(RegisterDevice):
                 self.journal.warn("move-time", f"the movement time {value} ms is outside the usual 100 to 5000 ms")
         return super().write(changes)
 
+    def lets_go(self, changes: Sequence[tuple[Element, Number]]) -> list[PendingMove]:
+        """The axis that is not named, where it stands off its set angle: both share one block and one time (wrist §2.1).
+
+        So it stands after power-on, or when it was turned by hand: whether it goes to its set angle with the other is not documented.
+        """
+        named = {element.param.name for element, _ in changes} & {"yaw_set", "pitch_set", "move_time"}
+        others = [axis_of(actual.param.name) for actual in ANGLES if f"{axis_of(actual.param.name)}_set" not in named]
+        if not named or not others:
+            return []
+        self.identify()
+        elements = [Element(WRIST[f"{axis}_{what}"], 0) for axis in others for what in ("actual", "set")]
+        values = [reading.value for reading in self.read(elements)]
+        places = zip(others, values[::2], values[1::2], strict=True)
+        return [
+            PendingMove(axis, f"{axis}_set", here, there)
+            for axis, here, there in places
+            if here is not None and there is not None and abs(here - there) > ARRIVED_DEGREES
+        ]
+
     def status(self, check: bool) -> Table:
         """Angles against set angles, currents, temperatures, errors in words. With `check`, errors are exit 7."""
         table = self.dump()
@@ -145,6 +165,12 @@ class Wrist(RegisterDevice):
         if time is None:
             self.identify()
             time = int(self.read([Element(WRIST["move_time"], 0)])[0].value or 0)
+            if not WRIST["move_time"].allowed(time):
+                raise CheckFailed(
+                    f"{self.bus.where}: the movement time set in the wrist is {time} ms, so nobody knows how fast it would move",
+                    hint="add --time MS, such as --time 1000. Nothing was written.",
+                    code="no-time",
+                )
         this = Movement(
             [Goal(axis, target, ARRIVED_DEGREES, decimals=2, unit="°") for axis, target in targets.items()],
             STILL._replace(least=time / 1000),

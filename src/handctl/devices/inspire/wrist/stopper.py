@@ -8,6 +8,7 @@ goes before that no other device acts upon. Whatever else may answer, only a wri
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.stop_requests import (
@@ -26,8 +27,8 @@ from handctl.devices.inspire.stop_requests import (
 )
 from handctl.devices.inspire.wrist.register_map import PITCH_RANGE, WRIST, YAW_RANGE
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, silence
+from handctl.model.stop_repetition import StepResult, after_late_replies, attempts, behind, repeat_until_answered
+from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep
 
 ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
 """With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
@@ -42,17 +43,18 @@ POWER = "switch the power off if it still moves"
 
 def stop_steps(context: StopContext) -> StopSequence:
     """Where is it, stay there: until it is acknowledged; then a second look."""
+    told: StepResult[Any] | None = None
     if not (context.can or context.proven):
         step, prefix = asks(context.number, eb90.WRIST_READ)
-        heard = yield from repeat_until_answered(
+        told = yield from repeat_until_answered(
             context, step, lambda pieces: answer(pieces, prefix), reads=True, ahead=lead(context)
         )
-        if heard.found is None:
-            return _unanswered(heard.came)
-    meaning, wire = "", Wire(context, CAN if context.can else EB90, wrist=True)
+        if told.found is None:
+            return _unanswered(told.came)
+    meaning, taken, wire = "", None, Wire(context, CAN if context.can else EB90, wrist=True)
     asked, found = wire.asking(ANGLES, 4)
     for _ in range(attempts(context)):
-        told = yield from repeat_until_answered(context, asked, found, reads=True)
+        told = yield from repeat_until_answered(context, asked, found, after=told, reads=True)
         if told.found is None:
             return _unanswered(told.came)
         here = eb90.unpack_s16(told.found)
@@ -64,14 +66,8 @@ def stop_steps(context: StopContext) -> StopSequence:
         meaning = f"stay at {', '.join(f'{name} {target / 100:.2f}°' for name, target in held)}"
         first = WRIST[f"{held[-1][0]}_set"].address
         step, verdict = wire.writing(first, eb90.pack_s16([target for _, target in reversed(held)]), meaning)
-        pieces = yield StopStep(
-            step,
-            max(interval(context), told.seconds),
-            lambda came, verdict=verdict: verdict(came) is not None,  # type: ignore[misc]
-        )
-        taken = verdict(pieces)
-        if taken == REFUSED:
-            return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
+        action = StopStep(step, 0.0, lambda came, verdict=verdict: verdict(came) == TAKEN)  # type: ignore[misc]
+        taken = verdict((yield from behind(context, told, action)))
         if taken == TAKEN:
             done = (
                 f"the wrist was commanded to {meaning}{axes.at_end} and acknowledged it. The manual documents no stop"
@@ -85,8 +81,9 @@ def stop_steps(context: StopContext) -> StopSequence:
                 axes.targets,
             )
             return axes.judge(stopped, _targets(last), POWER)
-        if told.seconds > interval(context):
-            yield from silence(told.seconds)  # answers to repetitions tell where it was
+        yield from after_late_replies(context, told)  # they tell where it was
+    if taken == REFUSED:
+        return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
     return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
 
 
