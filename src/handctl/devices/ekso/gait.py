@@ -191,14 +191,11 @@ def _dead(found: Sequence[Stretch], remarks: list[str]) -> set[str]:
     ranges, bends = {}, {}
     for sensor in (f"{side}_{name}" for side in SIDES for name in SENSORS):
         every = [stretch.signals[sensor] for stretch in found]
-        ranges[sensor] = _upper(values := sorted(chain(*every))) - values[len(values) // 100] if any(every) else 0.0
-        bends[sensor] = _upper(
-            sorted(
-                abs(a - 2 * b + c)
-                for values in every
-                for a, b, c in zip(values[::5], values[lag::5], values[2 * lag :: 5], strict=False)
-            )
-        )
+        if not (values := sorted(chain(*every))):
+            continue
+        ranges[sensor] = _upper(values) - values[len(values) // 100]
+        triples = (zip(one[::5], one[lag::5], one[2 * lag :: 5], strict=False) for one in every)
+        bends[sensor] = _upper(sorted(abs(a - 2 * b + c) for a, b, c in chain(*triples)))
     dead = set()
     for sensor, bend in bends.items():
         if ranges[sensor] < DEAD or bend < ONLY_DRIFTS * max(bends.values()):
