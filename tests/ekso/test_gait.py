@@ -6,7 +6,9 @@ import csv
 import json
 import shutil
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
+from statistics import mean
 
 import pytest
 
@@ -17,6 +19,7 @@ from handctl.devices.ekso.gait import (
     KNEE,
     NO_END,
     ONE_SENSOR,
+    SIDES,
     STANDING,
     Step,
     Walk,
@@ -29,7 +32,6 @@ from tests.support.cli import run
 from tests.support.each_row import each_row
 
 UNEVEN = {"left_toe": 300.0, "left_heel": 350.0, "right_toe": 2700.0, "right_heel": 2500.0}
-DRIFT = {"left_toe": 0.3 * 900, "left_heel": 0.3 * 900, "right_toe": 0.3 * 900, "right_heel": 0.3 * 900}
 LIMP = Plan(stance={"left": 0.70, "right": 0.50}, late=0.40, vary=0.08)
 STANDS = Plan(seconds=50, stands=((10.3, 16.3), (30.1, 38.1)))
 WALKS = {
@@ -41,10 +43,10 @@ WALKS = {
     "holes": (Plan(holes=((10.0, 10.2), (30.5, 31.5))), {HOLE: 4}),
     "offsets and gains": (Plan(offset={"left_toe": 180.0, "right_heel": 300.0}, gain=UNEVEN), {}),
     "a dead sensor": (Plan(dead=("left_toe",)), {}),
-    "noise": (Plan(noise=12.0), {}),
-    "drift by 30 %": (Plan(seconds=60, drift=DRIFT), {}),
-    "a limp that drifts": (Plan(seconds=60, stance={"left": 0.7, "right": 0.5}, late=0.4, drift=DRIFT), {}),
-    "stands that drift": (Plan(seconds=60, stands=((20.3, 40.3),), drift=DRIFT, noise=6.0), {STANDING: 2}),
+    "noise": (replace(LIMP, noise=12.0), {}),
+    "drift by 30 %": (Plan(seconds=60).drifting(0.3), {}),
+    "a limp that drifts": (Plan(seconds=60, stance={"left": 0.7, "right": 0.5}, late=0.4).drifting(0.3), {}),
+    "stands that drift": (Plan(seconds=60, stands=((20.3, 40.3),), noise=6.0).drifting(0.3), {STANDING: 2}),
 }
 
 
@@ -56,16 +58,46 @@ def found(plan: Plan) -> tuple[Made, Walk]:
 @each_row("name", WALKS)
 def test_each_stride_is_found_or_refused_rightly(name: str) -> None:
     plan, refused = WALKS[name]
-    made, seen = found(plan)
-    assert Counter(step.refused for step in seen.steps if step.refused) == {**refused, NO_END: 2}
+    drifts = plan.drifting(0.3)
+    for one in (plan, drifts, replace(plan, rate=2 * RATE), replace(drifts, rate=4 * RATE)):
+        made, seen = found(one)
+        if one.rate == RATE:  # at a higher one, a foot is seen to leave right before a hole
+            assert Counter(step.refused for step in seen.steps if step.refused) == {**refused, NO_END: 2}
+        judged_rightly(one, made, seen)
+        within_one_sample(one, made, seen)
+
+
+def judged_rightly(plan: Plan, made: Made, seen: Walk) -> None:
+    """Each stride is found within one sample, and refused where it stood; nothing else counts.
+
+    One whose next contact is within the last sample may count or not: noise decides whether the load shows.
+    """
+    late = 1 / plan.rate
+    last = made.stretches[-1].t[-1] - late
     for side, contact, off, end in made.strides:
-        if any(contact < until + 0.1 and begin < end for begin, until in plan.holes):
+        if any(contact < until + 0.1 and begin < end for begin, until in plan.holes) or end > last:
             continue
         step = nearest(seen, side, contact)
-        late = 2 / RATE if plan.noise > 5 else 1.5 / RATE  # one sample, and what a threshold is above nothing
         assert abs(step.contact - contact) <= late and abs(step.end - end) <= late, (side, contact, step)
         assert (side == "left" and plan.dead) or abs(step.off - off) <= late, (side, off, step)
         assert bool(step.refused) is any(contact <= begin < end for begin, _ in plan.stands), step
+    for step in seen.taken:
+        assert any(
+            side == step.side and abs(step.contact - contact) <= late and abs(step.end - end) <= late
+            for side, contact, _, end in made.strides
+        ), step
+
+
+def within_one_sample(plan: Plan, made: Made, seen: Walk) -> None:
+    """The figures are those of the strides that count."""
+    by = {(one.name, one.side): one.mean for one in seen.figures}
+    for side in SIDES:
+        counted = [step.contact for step in seen.taken if step.side == side]
+        walked = [one for one in made.strides if one[0] == side and min(abs(one[1] - at) for at in counted) < 0.1]
+        share = mean((off - contact) / (end - contact) for _, contact, off, end in walked)
+        assert abs(by["stride_time", side] - mean(end - contact for _, contact, _, end in walked)) < 1 / plan.rate
+        if not (side == "left" and plan.dead):
+            assert abs(by["stance_share", side] - 100 * share) < 100 / plan.rate / plan.stride
 
 
 def nearest(seen: Walk, side: str, contact: float) -> Step:
@@ -76,10 +108,10 @@ def nearest(seen: Walk, side: str, contact: float) -> Step:
 def test_figures_are_those_of_the_walk(plan: Plan, left: float, right: float) -> None:
     _, seen = found(plan)
     by = {(one.name, one.side): one for one in seen.figures}
-    one_sample = 100 * 1.5 / RATE / 1.2
+    one_sample = 100 / RATE / 1.2
     assert abs(by["stride_time", "left"].mean - 1.2) < 1 / RATE
     assert abs(by["stance_share", "left"].mean - 100 * left) < one_sample
-    assert abs(by["stance_share", "right"].mean - 100 * right) < one_sample + 100 * plan.vary
+    assert abs(by["stance_share", "right"].mean - 100 * right) < one_sample
     assert abs(by["cadence", "both"].mean - 100) < 1.5
     assert (by["stance_share_asymmetry", "both"].mean > 20) is (left != right)
     assert (by["stride_variability", "both"].mean > 2) is bool(plan.vary)
@@ -89,6 +121,39 @@ def test_a_dead_sensor_is_named_and_its_strides_are_doubtful() -> None:
     _, seen = found(Plan(dead=("left_toe",)))
     assert seen.remarks == ["left_toe_pressure never changes: it is dead, or not connected"]
     assert {(step.side, step.doubt) for step in seen.taken} == {("left", ONE_SENSOR), ("right", "")}
+
+
+@each_row(
+    ("sensor", "drift", "what"),
+    [("left_heel", 0.0, "never changes"), ("left_heel", 900.0, "only drifts"), ("left_toe", -600.0, "only drifts")],
+)
+def test_a_foot_with_one_sensor_has_stride_times_but_no_stance(sensor: str, drift: float, what: str) -> None:
+    """A heel that is stuck at full: the toe comes down later, so neither contact nor stance is claimed."""
+    plan = Plan(dead=(sensor,), offset={sensor: 900.0}, drift={sensor: drift})
+    made, seen = found(plan)
+    assert seen.remarks == [f"{sensor}_pressure {what}: it is dead, or not connected"]
+    assert {(step.side, step.doubt) for step in seen.taken} == {("left", ONE_SENSOR), ("right", "")}
+    assert sum(step.side == "left" for step in seen.taken) >= sum(side == "left" for side, *_ in made.strides) - 1
+    by = {(one.name, one.side): one for one in seen.figures}
+    assert abs(by["stride_time", "left"].mean - 1.2) < 1 / RATE and ("stance_share", "right") in by
+    assert {("stance_share", "left"), ("swing_share", "left"), ("stance_share_asymmetry", "both")}.isdisjoint(by)
+
+
+def test_a_heel_that_dies_on_the_way_makes_the_strides_behind_doubtful() -> None:
+    made = walk(Plan())
+    (stretch,) = made.stretches
+    for place in range(stretch.at(20.0), len(stretch.t)):
+        stretch.signals["left_heel"][place] = 20.0
+    seen = walk_in(made.stretches)
+    assert all((step.doubt == ONE_SENSOR) is (step.side == "left" and step.end > 20.0) for step in seen.taken)
+    share = next(one for one in seen.figures if (one.name, one.side) == ("stance_share", "left"))
+    assert abs(share.mean - 62) < 100 / RATE / 1.2 and share.strides < 20
+
+
+def test_a_contact_in_a_hole_is_none() -> None:
+    """The foot is in the air before the hole and on the ground behind it."""
+    _, seen = found(Plan(holes=((30.6, 31.5),)))
+    assert [step.refused for step in seen.steps if step.side == "right" and 29 < step.contact < 32] == [HOLE, HOLE]
 
 
 def test_a_foot_without_sensors_has_no_strides_and_the_other_keeps_its_own() -> None:

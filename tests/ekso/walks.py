@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import random
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from math import pi, sin
 
-from handctl.devices.ekso.gait import SIDES, SIGNALS, Stretch
+from handctl.devices.ekso.gait import SENSORS, SIDES, SIGNALS, Stretch
 
 RATE = 50.0
 LOADS, LIFTS = 0.04, 0.06
 """Seconds in which the heel takes its load, and the toe loses it."""
+GAIN = 900.0
+"""Counts that a loaded sensor reads above its offset."""
 
 
 @dataclass
@@ -48,6 +50,12 @@ class Plan:
     vary: float = 0.0
     noise: float = 1.0
     seed: int = 1
+    rate: float = RATE
+
+    def drifting(self, part: float) -> Plan:
+        """The same walk, with every sensor drifting by this part of its gain."""
+        sensors = (f"{side}_{name}" for side in SIDES for name in SENSORS)
+        return replace(self, drift={sensor: part * self.gain.get(sensor, GAIN) for sensor in sensors})
 
 
 def _contacts(plan: Plan) -> dict[str, list[tuple[float, float, float]]]:
@@ -93,8 +101,8 @@ def walk(plan: Plan) -> Made:
     t: list[float] = []
     signals: dict[str, list[float]] = {name: [] for name in SIGNALS}
     place = dict.fromkeys(SIDES, 0)
-    for number in range(int(plan.seconds * RATE)):
-        moment = number / RATE
+    for number in range(int(plan.seconds * plan.rate)):
+        moment = number / plan.rate
         if any(begin <= moment < end for begin, end in plan.holes):
             continue
         t.append(moment)
@@ -105,7 +113,7 @@ def walk(plan: Plan) -> Made:
             for name, load in (("toe", toe), ("heel", heel)):
                 sensor = f"{side}_{name}"
                 value = plan.offset.get(sensor, 20.0) + plan.drift.get(sensor, 0.0) * moment / plan.seconds
-                value += 0.0 if sensor in plan.dead else load * plan.gain.get(sensor, 900.0)
+                value += 0.0 if sensor in plan.dead else load * plan.gain.get(sensor, GAIN)
                 signals[sensor].append(
                     round(max(0.0, value + (0 if sensor in plan.dead else chance.gauss(0, plan.noise))))
                 )

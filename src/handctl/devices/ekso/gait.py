@@ -11,7 +11,7 @@ from array import array
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator, MutableSequence, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import chain, pairwise, zip_longest
 from math import sqrt
 from typing import NamedTuple
 
@@ -34,8 +34,12 @@ FALL = 0.6
 """Part of that threshold below which it is no longer loaded."""
 FLAT = 0.25
 """Part of its usual gain: with less in a stretch the wearer stands, or sits."""
+STEEP = 0.7
+"""Part of what a sensor bears in a step up to which it takes its load evenly."""
 DEAD = 8.0
 """Counts: a sensor that never changes by more is dead."""
+ONLY_DRIFTS, WITHIN = 0.02, 0.5
+"""Part of the course of the liveliest sensor: one that leaves its slope by less within so many seconds is dead as well."""
 BRIEF = 0.08
 """Seconds: a shorter contact or lift is a bounce."""
 LONG, SHORT = 1.8, 0.5
@@ -53,7 +57,7 @@ STANDING = "standing"
 TOO_LONG, TOO_SHORT = "longer than the others", "shorter than the others"
 ALONE = "no step of the other foot in between"
 KNEE = "the knee hardly bends"
-ONE_SENSOR = "one sensor only"
+ONE_SENSOR = "one sensor only, so neither contact nor stance is certain"
 
 
 class Stretch(NamedTuple):
@@ -165,7 +169,7 @@ def walk_in(found: Sequence[Stretch]) -> Walk:
         if all(f"{side}_{name}" in dead for name in SENSORS):
             walk.remarks.append(f"the {side} foot has no working sensor, so its steps are not known")
     contacts: dict[str, list[Step]] = {side: [] for side in SIDES}
-    gaps: dict[int, list[float]] = {}
+    gaps: dict[int, list[tuple[float, float]]] = {}
     for stretch in found:
         if len(stretch.t) < 3:
             continue
@@ -173,9 +177,6 @@ def walk_in(found: Sequence[Stretch]) -> Walk:
         for side in SIDES:
             sensors = [f"{side}_{name}" for name in SENSORS if f"{side}_{name}" not in dead]
             contacts[side] += _contacts(stretch, side, sensors, walk.remarks)
-    for side in SIDES:
-        lone = sum(f"{side}_{name}" in dead for name in SENSORS) == 1
-        contacts[side] = [replace(step, doubt=ONE_SENSOR) for step in contacts[side]] if lone else contacts[side]
     walk.steps = sorted(_judged(contacts, gaps, found), key=lambda step: (step.segment, step.contact, step.side))
     walk.figures = list(_figures(walk.taken, _period(found)))
     return walk
@@ -185,16 +186,28 @@ def walk_in(found: Sequence[Stretch]) -> Walk:
 
 
 def _dead(found: Sequence[Stretch], remarks: list[str]) -> set[str]:
-    """The sensors that never change."""
+    """The sensors that never change, or that only drift."""
+    lag = max(1, round(WITHIN / (_period(found) or WITHIN)))
+    ranges, bends = {}, {}
+    for sensor in (f"{side}_{name}" for side in SIDES for name in SENSORS):
+        every = [stretch.signals[sensor] for stretch in found]
+        if not (values := sorted(chain(*every))):
+            continue
+        ranges[sensor] = _upper(values) - values[len(values) // 100]
+        triples = (zip(one[::5], one[lag::5], one[2 * lag :: 5], strict=False) for one in every)
+        bends[sensor] = _upper(sorted(abs(a - 2 * b + c) for a, b, c in chain(*triples)))
     dead = set()
-    for side in SIDES:
-        for name in SENSORS:
-            sensor = f"{side}_{name}"
-            values = sorted(value for stretch in found for value in stretch.signals[sensor])
-            if values and values[-1 - len(values) // 100] - values[len(values) // 100] < DEAD:
-                dead.add(sensor)
-                remarks.append(f"{sensor}_pressure never changes: it is dead, or not connected")
+    for sensor, bend in bends.items():
+        if ranges[sensor] < DEAD or bend < ONLY_DRIFTS * max(bends.values()):
+            dead.add(sensor)
+            what = "never changes" if ranges[sensor] < DEAD else "only drifts"
+            remarks.append(f"{sensor}_pressure {what}: it is dead, or not connected")
     return dead
+
+
+def _upper(ordered: Sequence[float]) -> float:
+    """The greatest of these without the last hundredth."""
+    return ordered[-1 - len(ordered) // 100] if ordered else 0.0
 
 
 class Blocks(NamedTuple):
@@ -264,29 +277,69 @@ def _contacts(stretch: Stretch, side: str, sensors: Sequence[str], remarks: list
             remarks.append(f"{sensor}_pressure has drifted by {moved:+.0f} counts, {abs(moved) / gain:.0%} of its gain")
         states.append(_loaded(stretch.t, stretch.signals[sensor], blocks))
     down, edges = False, []
-    for moment, *now in zip(stretch.t, *states, strict=True):
-        wanted = max(now) > (0 if down else 1)
+    for row, now in enumerate(map(max, *states) if len(states) > 1 else states[0]):
+        wanted = now > (0 if down else 1)
         if wanted != down:
-            edges.append(moment)
+            edges.append(row)
             down = wanted
-    edges = _without_bounces(edges, down_first=max(s[0] for s in states) > 1)
-    began = bool(edges) and max(s[0] for s in states) > 1
+    began = bool(edges) and edges[0] == 0
+    edges = _without_bounces(stretch.t, edges, down_first=began)
     ons, offs = edges[0::2], edges[1::2]
+    pairs = [(stretch.signals[sensor], s) for sensor, s in zip(sensors, states, strict=True)]
+    # Of the sensors that are loaded then, the one that bears most is the surest; noise may hide it for the last row.
+    contact = [max(_bare(stretch, v, row, 1) for v, s in pairs if s[row])[1] for row in ons]
+    lift = [max(_bare(stretch, v, row - 1, -1) for v, s in pairs if any(s[max(0, row - 2) : row]))[1] for row in offs]
+    lone = len(states) < len(SENSORS)
+    every = [all(2 in s[on:off] for s in states) for on, off in zip(ons, offs, strict=False)]
     nan = float("nan")
     steps = []
-    for place, on in enumerate(ons):
-        off = offs[place] if place < len(offs) else nan
-        end = ons[place + 1] if place + 1 < len(ons) else nan
+    for place, (on, off, end) in enumerate(zip_longest(contact, lift, contact[1:], fillvalue=nan)):
         refused = NO_BEGIN if place == 0 and began else NO_END if end != end else TAKEN
-        steps.append(Step(stretch.number, side, on, off, end, refused=refused))
+        doubt = ONE_SENSOR if lone or not all(every[place : place + 2]) else ""
+        steps.append(Step(stretch.number, side, on, off, end, refused=refused, doubt=doubt))
     return steps
 
 
-def _without_bounces(edges: Sequence[float], *, down_first: bool) -> list[float]:
-    """The moments without those of a contact or a lift that is too brief to be one."""
-    kept: list[float] = []
+def _bare(stretch: Stretch, values: Sequence[float], row: int, way: int) -> tuple[float, float]:
+    """What a sensor bears, and when it bore nothing: before the row if that is the first loaded one (way 1), or behind
+    it if it is the last (-1).
+
+    It is where the line through the rows between RISE and STEEP of the load meets the offset: where a threshold is
+    crossed depends on the gain, on how fast the load comes, and on the rate.
+    """
+    begin, end = stretch.at(stretch.t[row] - BRIEF), stretch.at(stretch.t[row] + BRIEF)
+    t, found = stretch.t[begin:end][::way], values[begin:end][::way]  # in each case unloaded first
+    place = row - begin if way > 0 else end - 1 - row
+    offset = _median(found[:place])
+    gain = max(found[place:]) - offset
+    if not place or gain <= 0:
+        return 0.0, stretch.t[row]
+    low, high = offset + RISE * gain, offset + STEEP * gain
+    first = place
+    while found[first] < low:
+        first += 1
+    while first and found[first - 1] > low:
+        first -= 1
+    if first and found[first] >= high:  # all of it between two rows
+        return gain, (t[first - 1] + t[first]) / 2
+    last = first + 2
+    while last < len(t) and found[last] < high:
+        last += 1
+    x, y = t[first:last], found[first:last]
+    x_mean, y_mean = sum(x) / len(x), sum(y) / len(y)
+    rise = sum((one - y_mean) * (moment - x_mean) for moment, one in zip(x, y, strict=True))
+    if rise * way <= 0:
+        return gain, stretch.t[row]
+    moment = x_mean - (y_mean - offset) * sum((one - x_mean) ** 2 for one in x) / rise
+    earliest = max(0, first - 1) if len(x) == 2 else 0  # with so few rows the second may be beyond the slope
+    return gain, sorted((t[earliest], moment, t[-1]))[1]
+
+
+def _without_bounces(t: Sequence[float], edges: Sequence[int], *, down_first: bool) -> list[int]:
+    """The rows without those of a contact or a lift that is too brief to be one."""
+    kept: list[int] = []
     for edge in edges:
-        if kept and edge - kept[-1] < BRIEF and not (down_first and len(kept) == 1):
+        if kept and t[edge] - t[kept[-1]] < BRIEF and not (down_first and len(kept) == 1):
             kept.pop()
         else:
             kept.append(edge)
@@ -298,17 +351,19 @@ def _period(found: Sequence[Stretch]) -> float:
     return _median(b - a for stretch in found for a, b in pairwise(stretch.t))
 
 
-def _gaps(stretch: Stretch) -> list[float]:
-    """The moments after which samples are missing."""
+def _gaps(stretch: Stretch) -> list[tuple[float, float]]:
+    """The moments between which samples are missing."""
     periods = sorted(b - a for a, b in pairwise(stretch.t))
     longest = GAP_PERIODS * max(periods[len(periods) // 2], 0.005)
-    return [a for a, b in pairwise(stretch.t) if b - a > longest]
+    return [(a, b) for a, b in pairwise(stretch.t) if b - a > longest]
 
 
 # -- steps --------------------------------------------------------------------------------------------------------
 
 
-def _judged(contacts: dict[str, list[Step]], gaps: dict[int, list[float]], found: Sequence[Stretch]) -> Iterator[Step]:
+def _judged(
+    contacts: dict[str, list[Step]], gaps: dict[int, list[tuple[float, float]]], found: Sequence[Stretch]
+) -> Iterator[Step]:
     by_number = {stretch.number: stretch for stretch in found}
     measured = {side: [_measured(step, by_number[step.segment]) for step in contacts[side]] for side in SIDES}
     knee = max(_median(step.knee for step in measured[side] if not step.refused) for side in SIDES)
@@ -322,8 +377,10 @@ def _judged(contacts: dict[str, list[Step]], gaps: dict[int, list[float]], found
             yield replace(step, refused=refused, doubt=step.doubt or stiff)
 
 
-def _refusal(step: Step, usual: float, stance: float, gaps: Sequence[float], others: Sequence[float]) -> str:
-    if any(step.contact <= gap < step.end for gap in gaps):
+def _refusal(
+    step: Step, usual: float, stance: float, gaps: Sequence[tuple[float, float]], others: Sequence[float]
+) -> str:
+    if any(step.contact <= until and begin < step.end for begin, until in gaps):
         return HOLE
     if step.off - step.contact > LONG * stance:
         return STANDING
@@ -369,14 +426,17 @@ def _figures(taken: Sequence[Step], period: float) -> Iterator[Figure]:
         if not own:
             continue
         share = 200 * period / _median(step.duration for step in own)
+        stances = [100 * step.stance for step in own if step.doubt != ONE_SENSOR]
         for name, unit, fine, values in (
             ("stride_time", "s", period, [step.duration for step in own]),
-            ("stance_share", "%", share, [100 * step.stance for step in own]),
-            ("swing_share", "%", share, [100 * (1 - step.stance) for step in own]),
+            ("stance_share", "%", share, stances),
+            ("swing_share", "%", share, [100 - stance for stance in stances]),
             ("peak_toe_pressure", "raw counts", 1.0, [step.peak_toe or 0.0 for step in own]),
             ("peak_heel_pressure", "raw counts", 1.0, [step.peak_heel or 0.0 for step in own]),
             ("knee_range", "deg", 0.01, [step.knee for step in own]),
         ):
+            if not values:
+                continue
             one = figure(name, side, values, unit)._replace(fine=fine)
             both.setdefault(name, []).append(one)
             yield one

@@ -75,6 +75,7 @@ def _about(one: Recording) -> str:
         f"{number} not counted ({why})"
         for why, number in Counter(step.refused for step in walk.steps if step.refused).items()
     ]
+    told += [f"{number} doubtful ({why})" for why, number in Counter(s.doubt for s in walk.taken if s.doubt).items()]
     return ", ".join(filter(None, told))
 
 
