@@ -218,7 +218,7 @@ def test_two_questions_once_a_command_and_one_where_it_only_reads(tmp_path: Path
     wrist = "fake://wrist?clock=virtual"
     assert run("wrist", "set", "yaw_set=1", "-p", wrist, "--trace", trace).code == 0
     assert next(data.hex(" ").upper() for data in sent(trace)) == WRISTS_OWN
-    assert len(sent(trace)) == 4, "a look, what is there, the write, the read-back"
+    assert len(sent(trace)) == 5, "a look, what is there, where the other axis stands, the write, the read-back"
     assert run("exo", "get", "id", "-p", fake(), "--trace", trace).code == 0
     assert [data.hex(" ").upper() for data in sent(trace)][1:] == [OWN]
     assert run("exo", "raw", OWN, "-p", fake(), "--trace", trace).code == 0
