@@ -201,7 +201,7 @@ def test_nothing_moves_before_hi(query: str, skip: tuple[str, ...], step: str, r
 def test_a_harmful_setting_moves_nothing_even_where_its_step_is_skipped(tmp_path: Path) -> None:
     state, trace = tmp_path / "hand.json", tmp_path / "t.txt"
     link = f"{COLD}&state={state}"
-    assert run("barrett", "gcl", "1FSET IVEL 1000", "1FSAVE", "-y", "-p", link).code == 0
+    assert run("barrett", "gcl", "1FSET IVEL 1000", "1FSAVE", "-y", "--force", "-p", link).code == 0
     result = light(link, "-y", "--trace", trace, skip=("settings",))
     assert why(result)["init"] == "settings" and moved(trace) == []
     assert why(light(link, "-y"))["settings"] == "harmful"

@@ -14,7 +14,54 @@ ANGLES = "handctl.devices.barrett.realtime.joint_angles"
 MOTION = "handctl.devices.barrett.motion"
 HAND = "handctl.devices.barrett.device"
 
+GCL = "tests/barrett/test_gcl.py::test"
+
 ROWS = (
+    mistake(
+        "barrett-gcl-moves-without-a-guard",
+        "stop not sent",
+        "handctl.devices.barrett.gcl.passthrough",
+        "DeathGuard.before",
+        "elif KINDS[kind].moves and not self._on:",
+        "elif False:",
+        f"{GCL}_from_the_first_line_that_may_move_death_stops_the_hand",
+    ),
+    mistake(
+        "barrett-an-unknown-command-moves-nothing",
+        "stop not sent",
+        "handctl.devices.barrett.gcl.passthrough",
+        "DeathGuard.before",
+        'kind = kind_of(text, "motion")',
+        "kind = kind_of(text)",
+        f"{GCL}_from_the_first_line_that_may_move_death_stops_the_hand",
+    ),
+    mistake(
+        "barrett-terminal-sends-a-guarded-value",
+        "harmful value sent",
+        HAND,
+        "_check_typed",
+        "check_line(text)",
+        "check_line(text, force=True)",
+        f"{GCL}_a_guarded_value_needs_force_on_every_path",
+    ),
+    mistake(
+        "barrett-gcl-sends-a-guarded-value",
+        "harmful value sent",
+        "handctl.devices.barrett.gcl.passthrough",
+        "line_of",
+        "check_line(text, force=force)",
+        "check_line(text, force=True)",
+        f"{GCL}_a_guarded_value_needs_force_on_every_path",
+    ),
+    mistake(
+        "barrett-a-value-that-cannot-be-read-is-sent",
+        "harmful value sent",
+        HAND,
+        "check_line",
+        "elif param.careful is not None and not force:",
+        "elif False:",
+        f"{GCL}_a_value_that_cannot_be_read_is_not_guessed",
+    ),
     mistake(
         "barrett-what-did-not-move-touched-something",
         "evidence believed",
