@@ -293,7 +293,7 @@ def test_interrupted() -> None:
     assert isinstance(table.failure, Interrupted) and table.failure.exit_code == 130
     assert "16384" in table.failure.text
     assert ABORT in link.sent
-    assert link.commands == ["GC"]
+    assert link.commands == ["GC", "FGET P HOLD", "FGET P HOLD"], "what is left of the script is not sent"
 
 
 # -- completion and help ----------------------------------------------------------------------------------------------
@@ -359,7 +359,7 @@ def test_a_damaged_answer_to_a_question_is_asked_again() -> None:
 
 def test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two signals within half a second are one wish; but a wish that the prompt has answered is over."""
-    hand, link = scripted()
+    hand, link = scripted({"FGET P HOLD": "5 5 5 5|0 0 0 1"})
     typed = iter(["", "12C", None])
 
     def read_line(_prompt: str) -> str:

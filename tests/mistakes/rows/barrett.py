@@ -16,7 +16,38 @@ HAND = "handctl.devices.barrett.device"
 
 GCL = "tests/barrett/test_gcl.py::test"
 
+STOPPER = "handctl.devices.barrett.stopper"
+STOP = "tests/barrett/test_stop.py::test"
+
 ROWS = (
+    mistake(
+        "barrett-stop-believed-for-one-reading",
+        "evidence believed",
+        "handctl.model.standstill",
+        "check_standing",
+        "if now is not None and stands_still(before, now, noise, held):",
+        "if now is not None:",
+        f"{STOP}_a_stop_is_seen_in_two_readings",
+        "tests/stop/test_standstill.py::test_what_moves_slowly_behind_a_stop_is_seen",
+    ),
+    mistake(
+        "barrett-coasts-on-with-its-power",
+        "stop not sent",
+        STOPPER,
+        "power_off",
+        "off = yield from power_off(context._replace(powered=False), prefix)",
+        "return looked",
+        f"{STOP}_a_hand_that_goes_on_after_ctrl_c_loses_its_power",
+    ),
+    mistake(
+        "barrett-unread-positions-are-a-stop",
+        "evidence believed",
+        STOPPER,
+        "power_off",
+        "if looked.error is not None:",
+        "if looked.error is DeviceRefused:",
+        f"{STOP}_positions_that_do_not_come_are_no_success",
+    ),
     mistake(
         "barrett-gcl-moves-without-a-guard",
         "stop not sent",

@@ -412,8 +412,8 @@ for _row in MOVEMENTS:
 def stop(run: Run, motors: str | None) -> Table:
     """Stop the hand at once, even while another handctl command is using it.
 
-    Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors.
-    Never asks.
+    Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors, then
+    reads the positions twice: they must not change. Never asks.
     """
     from handctl.devices.barrett import motion
     from handctl.devices.barrett.stopper import power_off
@@ -421,7 +421,7 @@ def stop(run: Run, motors: str | None) -> Table:
 
     prefix = prefix_of(motors)
     return emergency.stop(
-        run, lambda context: power_off(context, prefix), otherwise=lambda hand: motion.power_off(hand, prefix)
+        run, lambda context: power_off(context, prefix), otherwise=lambda hand: motion.find_and_power_off(hand, prefix)
     )
 
 

@@ -134,22 +134,10 @@ class BarrettHand(Device):
         self._told_sign = False
 
     def abort(self) -> Stopped:
-        """^C; the motors keep their power. Never raises, and asks nothing."""
+        """^C, which leaves the motors to their HOLD. Never raises."""
         from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 
-        return super().stop(powered=CTRL_C_KEEPS_POWER)
-
-    def stop(self, *, powered: bool = False) -> Stopped:
-        """See Device. If the motors keep their power, it also reports their positions."""
-        stopped = super().stop(powered=powered)
-        if stopped.error is not None or not powered:
-            return stopped
-        try:
-            readings = self.read(BARRETT.elements("P"))
-        except HandctlError as exc:
-            return stopped._replace(text=f"{stopped.text}. Their positions could not be read: {exc.text}")
-        places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
-        return stopped._replace(text=f"{stopped.text}. Positions: {places}")
+        return self.stop(powered=CTRL_C_KEEPS_POWER)
 
     def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:
         """As `gcl` does. ^C alone ends a movement, and is not asked for."""

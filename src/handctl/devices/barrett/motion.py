@@ -10,15 +10,17 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix
+from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
-from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import ARRIVAL, BLOCKED, CONTACT, REACHED, SHORT, UNREAD, Arrival, Goal, failure_of_arrivals
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
+from handctl.model.stop_sequence import FIND_WHO
 from handctl.number_parsing import number_in
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -361,3 +363,11 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
         hand.journal.ledger.confirm("ERR 4: its power is off", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return f"the hand was found and ^C was sent. {prefix}T was acknowledged{status}: motor power is off"
+
+
+def find_and_power_off(hand: BarrettHand, prefix: str) -> str:
+    """The same for a hand that did not reply where it was looked for first, and whether it stands still afterwards."""
+    text = power_off(hand, prefix)
+    if moving := look_for_motion(hand.line):
+        raise DeviceRefused(f"{hand.link.name}: {text}. But it moves: {', '.join(moving)}", hint=FIND_WHO)
+    return text

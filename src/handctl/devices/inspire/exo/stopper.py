@@ -14,7 +14,6 @@ from handctl.devices.inspire.register_map import ALONE
 from handctl.devices.inspire.stop_requests import (
     QUICK,
     Axes,
-    Read,
     Wire,
     answer,
     asks,
@@ -26,7 +25,7 @@ from handctl.devices.inspire.stop_requests import (
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stop_repetition import attempts, interval, repeat_until_answered
-from handctl.model.stop_sequence import StopContext, Stopped, StopSequence, StopStep
+from handctl.model.stop_sequence import Read, StopContext, Stopped, StopSequence, StopStep
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
     EXO[name].address for name in ("position_set", "force_set", "position_actual")
