@@ -512,7 +512,8 @@ def restore(run: Run, file: str, save_too: bool, force: bool) -> PlannedAction:
 
     def write(hand: BarrettHand) -> Table:
         table = whole(hand)
-        eeprom_saves.save(hand, force=True, simulated=run.simulated)
+        if table.failure is None:  # an interrupted restore has not brought about what was to be saved
+            eeprom_saves.save(hand, force=True, simulated=run.simulated)
         return table
 
     steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731

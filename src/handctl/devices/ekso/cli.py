@@ -415,7 +415,8 @@ def restore(run: Run, file: str, audit: str | None, override: bool) -> PlannedAc
     act = snapshots.restore(run, EKSO, file)
 
     def look(ekso: Ekso) -> Asked:
-        give_writer(run, ekso, audit, override=override, stepwise=True)
+        with snapshots.nothing_written():
+            give_writer(run, ekso, audit, override=override, stepwise=True)
         return act.looked(ekso)
 
     return act._replace(question=CHANGES, look=look)
