@@ -19,7 +19,27 @@ GCL = "tests/barrett/test_gcl.py::test"
 STOPPER = "handctl.devices.barrett.stopper"
 STOP = "tests/barrett/test_stop.py::test"
 
+MADE = "tests/barrett/test_motion.py::test_a_movement_that_was_made_was_not_refused"
+
 ROWS = (
+    mistake(
+        "barrett-err-16-is-a-refusal",
+        "ledger lies",
+        "handctl.devices.barrett.explain_bytes",
+        "_carried_out",
+        "if answer.status & (NOT_REACHED | ABORTED):",
+        "if answer.status & ABORTED:",
+        MADE,
+    ),
+    mistake(
+        "barrett-what-moved-nothing-was-carried-out",
+        "ledger lies",
+        MOTION,
+        "_note_end",
+        'if all(row["arrival"] in (BLOCKED, None) for row in rows):',
+        "if False:",
+        MADE,
+    ),
     mistake(
         "barrett-stop-believed-for-one-reading",
         "evidence believed",

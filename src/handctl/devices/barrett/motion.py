@@ -11,7 +11,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix
 from handctl.devices.barrett.gcl.session_start import look_for_motion
-from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status, hint_for
+from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
@@ -50,8 +50,6 @@ TORQUE = ("TC", "TO")
 """Movements that end at a stall: they have no target (barrett §5.5)."""
 CLOSING = {"TC": 1, "TO": -1}
 """Which way they go: 1 closes."""
-NOT_REACHED = 16
-"""Status of M, HOME, IC and IO where a motor did not get to its place (barrett §5.5)."""
 
 
 def command_text(prefix: str, name: str, argument: int | None) -> str:
@@ -168,6 +166,8 @@ def timed(
     prompts.done()
     try:
         table, arrivals = _result(hand, name, answer, motors, goals, starts, all_motors=not prefix)
+        if answer.status:
+            _note_end(hand, answer, table.rows)
     except (NoAnswer, ProtocolError) as exc:
         exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
         raise
@@ -184,6 +184,16 @@ def timed(
             f"{refusal.text}, although each motor is within MPE of its target now", hint=refusal.hint, code=refusal.code
         )
     return table, took
+
+
+def _note_end(hand: BarrettHand, answer: Answer, rows: Sequence[Row]) -> None:
+    """Into the record of writes: a movement that some motors have made was not refused, whatever its status."""
+    step = Step(answer.command, encode(answer.command))
+    ends = ", ".join(f"{row['motor']} {row['ended']}" for row in rows)
+    if all(row["arrival"] in (BLOCKED, None) for row in rows):
+        hand.journal.ledger.refuse(f"ERR {answer.status}: {ends}", step)
+    else:
+        hand.journal.ledger.doubt(f"carried out, ERR {answer.status}: {ends}", step)
 
 
 def moved(

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS, PROMPT, Answer, Decoder, encode, has_prompt, values
 from handctl.devices.barrett.gcl.connect_table import SAFE_ABORT, abort_at
-from handctl.devices.barrett.gcl.status_codes import explain_status
+from handctl.devices.barrett.gcl.status_codes import ABORTED, explain_status
 from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
@@ -37,8 +37,6 @@ FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 SWALLOWED = 8
 POWER_OFF, BRIEF, TRIES = 1.0, 0.3, 3
 """Seconds for the answer to T: at the end, and before the other speeds are tried."""
-ABORTED = 16384
-"""Status of what ^C has ended (barrett §5.1.3, T3)."""
 HARMLESS = 1 | 4 | ABORTED
 """Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
 CTRL_C_KEEPS_POWER = True
