@@ -20,13 +20,16 @@ from tests.support.cli import Result, run
 RESTORING = [family for family in FAMILIES if "restore" in facts_of(family).writes and facts_of(family).snapshot]
 
 
+def link_of(family: str, folder: Path) -> str:
+    state = facts_of(family).state
+    return f"fake://{family}?clock=virtual&state={folder / 'state.json'}{'&' + state if state else ''}"
+
+
 def restore(family: str, folder: Path, after: int) -> Result | None:
     """The command with Ctrl-C at its n-th write to the link, None = it ends before that; never with 0."""
     scratch_of(folder)
     (folder / "state.json").unlink(missing_ok=True)
     words = facts_of(family).writes["restore"].format(**{family: folder / f"{family}.json"}).split()
-    state = facts_of(family).state
-    link = f"fake://{family}?clock=virtual&state={folder / 'state.json'}{'&' + state if state else ''}"
     times = 0
     write = FakeLink.write
 
@@ -38,7 +41,7 @@ def restore(family: str, folder: Path, after: int) -> Result | None:
             signal.raise_signal(signal.SIGINT)
 
     with mock.patch.object(FakeLink, "write", pressed):
-        result = run(family, "restore", *words, "-y", "-p", link, "--json")
+        result = run(family, "restore", *words, "-y", "-p", link_of(family, folder), "--json")
     return result if not after or times >= after else None
 
 
@@ -61,6 +64,9 @@ def test_an_interrupted_restore_tells_what_it_wrote(family: str, tmp_path: Path)
             continue
         seen.add("while it writes")
         assert [row["name"] for row in result.rows] == list(wanted)
+        read = run(family, "get", *wanted, "-p", link_of(family, tmp_path), "--json")
+        held = [row["value"] for row in read.rows]
+        assert [row["value"] for row in result.rows] == held, "what it tells is what the device holds"
         for row in result.rows:
             assert row["restored"] == (row["value"] == wanted[row["name"]]), row
             assert row["value"] is not None or row["error"], row

@@ -21,7 +21,28 @@ STOP = "tests/barrett/test_stop.py::test"
 
 MADE = "tests/barrett/test_motion.py::test_a_movement_that_was_made_was_not_refused"
 
+RESTORED = "tests/contract/test_restore_interrupted.py::test_an_interrupted_restore"
+
 ROWS = (
+    mistake(
+        "barrett-half-a-restore-is-saved",
+        "evidence believed",
+        "handctl.devices.barrett.cli",
+        "restore",
+        "if table.failure is None:  # an interrupted restore has not brought about what was to be saved",
+        "if True:",
+        f"{RESTORED}_saves_nothing",
+    ),
+    mistake(
+        "restore-interrupted-without-a-look",
+        "evidence believed",
+        "handctl.command.snapshots",
+        "restore",
+        "after = {reading.element.full_name: reading.value for reading in readings}",
+        "after = {element.full_name: value for element, value in differing}",
+        f"{RESTORED}_tells_what_it_wrote[barrett]",
+        f"{RESTORED}_tells_what_it_wrote[exo]",
+    ),
     mistake(
         "barrett-err-16-is-a-refusal",
         "ledger lies",

@@ -456,7 +456,7 @@ def defaults(run: Run, motors: str | None) -> PlannedAction:
 def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
     """Save the settings from RAM to EEPROM. Asks first.
 
-    The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
+    The EEPROM is rated for 5,000 saves. handctl counts them and refuses to save what it saved last. With --motors,
     only the settings of those motors are saved (123FSAVE), and the saved hand settings stay the same.
     """
     from handctl.devices.barrett import eeprom_saves
