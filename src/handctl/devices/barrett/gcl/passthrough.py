@@ -80,38 +80,34 @@ def run_all(hand: BarrettHand, commands: Iterable[ScriptLine], *, keep_going: bo
 
     An answer that did not come, and Ctrl-C, also in a DELAY, end it in any case: what was carried out before is told all the same.
     """
-    with DeathGuard(hand) as guard:
-        return _run_all(hand, commands, guard, keep_going=keep_going)
-
-
-def _run_all(hand: BarrettHand, commands: Iterable[ScriptLine], guard: DeathGuard, *, keep_going: bool) -> Table:
     rows: list[Row] = []
     failure: HandctlError | None = None
-    for line in commands:
-        text, place = line.text, {"line": line.number} if line.number else {}
-        lost: HandctlError | None = None
-        try:
-            if line.wait is not None:
-                hand.link.sleep(line.wait)
-                continue
-            guard.before(text)
-            answer = ask(hand, text)
-        except KeyboardInterrupt:
-            lost = interrupt_error(hand.abort(), f"in {text}: ")
-        except HandctlError as exc:
-            exc.text = line.named(exc.text)
-            lost = exc
-        if lost is not None:
-            rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text, **place})
-            failure = lost
-            break
-        rows.append(row_of(answer) | place)
-        error = objection(hand, answer)
-        if error is not None:
-            error.text = line.named(error.text)
-            failure = failure or error
-            if not keep_going:
+    with DeathGuard(hand) as guard:
+        for line in commands:
+            text, place = line.text, {"line": line.number} if line.number else {}
+            lost: HandctlError | None = None
+            try:
+                if line.wait is not None:
+                    hand.link.sleep(line.wait)
+                    continue
+                guard.before(text)
+                answer = ask(hand, text)
+            except KeyboardInterrupt:
+                lost = interrupt_error(hand.abort(), f"in {text}: ")
+            except HandctlError as exc:
+                exc.text = line.named(exc.text)
+                lost = exc
+            if lost is not None:
+                rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text, **place})
+                failure = lost
                 break
+            rows.append(row_of(answer) | place)
+            error = objection(hand, answer)
+            if error is not None:
+                error.text = line.named(error.text)
+                failure = failure or error
+                if not keep_going:
+                    break
     return Table(rows=rows, columns=COLUMNS, text=as_text, plain=("text",), failure=failure)
 
 
@@ -244,26 +240,20 @@ def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], be
 
     `before` checks and asks, where a line needs it, and raises UsageError, NotConfirmed.
     """
-    with DeathGuard(hand) as guard:
-        return _interactive(run, hand, read_line, before, guard)
-
-
-def _interactive(
-    run: Run, hand: BarrettHand, read_line: Callable[[str], str], before: Callable[[str], None], guard: DeathGuard
-) -> Table:
     hand.line.connect()
     run.prompts.say("Ctrl-C stops a movement. Ctrl-D ends this GCL prompt. ?NAME explains a command or parameter.")
-    while True:
-        try:
-            text = read_line("=> ").strip()
-        except EOFError:
-            return Table()
-        except KeyboardInterrupt:
-            run.prompts.say("^C")
-            continue
-        if text:
-            reset_interrupts()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here
-            _one(run, hand, text, before, guard)
+    with DeathGuard(hand) as guard:
+        while True:
+            try:
+                text = read_line("=> ").strip()
+            except EOFError:
+                return Table()
+            except KeyboardInterrupt:
+                run.prompts.say("^C")
+                continue
+            if text:
+                reset_interrupts()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here
+                _one(run, hand, text, before, guard)
 
 
 def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None], guard: DeathGuard) -> None:
