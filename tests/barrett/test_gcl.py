@@ -154,7 +154,16 @@ def test_a_value_that_cannot_be_read_is_not_guessed(value: str) -> None:
     with pytest.raises(UsageError) as caught:
         check_line(f"FSET IVEL {value}")
     assert caught.value.code == "careful"
-    assert check_line(f"FSET IVEL {value}", force=True) == check_line(f"FSET EN {value}") == []
+    assert check_line(f"FSET IVEL {value}", force=True) == check_line(f"FSET XX {value}") == []
+
+
+@pytest.mark.parametrize("text", ["FSET LFVC 0", "2FSET LFDPC 0", "FSET ACCEL 0", "PSET OTEMP 1251", "FSET EN 2"])
+def test_a_value_out_of_range_is_refused_as_set_does(text: str) -> None:
+    """0 as a divisor of the RealTime feedback is a division by zero in the hand (dossier 3.1)."""
+    with pytest.raises(UsageError) as caught:
+        check_line(text)
+    assert caught.value.code == "out-of-range"
+    check_line(text, force=True)
 
 
 GUARDED = ["IVEL 4000", "TSTOP 10000", "MOV 2000", "LCVC 8", "OT 20000", "SAMPLE 15"]

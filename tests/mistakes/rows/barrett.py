@@ -130,7 +130,7 @@ ROWS = (
         "harmful value sent",
         HAND,
         "check_line",
-        "elif param.careful is not None and not force:",
+        "elif not force:",
         "elif False:",
         f"{GCL}_a_value_that_cannot_be_read_is_not_guessed",
     ),

@@ -284,7 +284,7 @@ def reset(run: Run) -> PlannedAction:
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Keep going after an error.")
 @click.option("--file", "path", type=InFile(), metavar="FILE", help="Send the lines of this script.")
-@click.option("--force", is_flag=True, help="Send values the manual warns about.")
+@click.option("--force", is_flag=True, help="Send values that `set` would refuse.")
 def gcl_(
     run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None, force: bool = False
 ) -> Table | PlannedAction:

@@ -90,8 +90,10 @@ def check_line(text: str, *, force: bool = False) -> list[str]:
         except UsageError:
             continue
         if value.isdecimal():
+            if not force:
+                param.check(int(value), f"{text}: {param.mnemonic}")
             changes += [(each, int(value)) for each in elements if param.is_global or each.part in motors]
-        elif param.careful is not None and not force:
+        elif not force:
             raise UsageError(
                 f"{text}: handctl cannot check the value {value} of {param.mnemonic}",
                 hint="write it as a whole number. Nothing was sent.",
