@@ -104,7 +104,7 @@ function __handctl_node([string]$path) { # what stands below PATH
         'barrett listen' { $found.opts = '--count --duration --find-baud -h --help --interrupt'; $found.takes = '--count=none --duration=none'; $found.lacks = '--id -n --dry-run -y --yes --history' }
         'barrett terminal' { $found.opts = '--hex --wait -h --help --interrupt'; $found.takes = '--wait=none'; $found.args = 'none*'; $found.lacks = '--id' }
         'barrett reset' { $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
-        'barrett gcl' { $found.opts = '--keep-going --file -h --help --interrupt'; $found.takes = '--file=file'; $found.args = 'none*'; $found.lacks = '--id' }
+        'barrett gcl' { $found.opts = '--keep-going --file --force -h --help --interrupt'; $found.takes = '--file=file'; $found.args = 'none*'; $found.lacks = '--id' }
         'barrett firmware' { $found.cmds = 'check download'; $found.opts = '-h --help --interrupt'; $found.lacks = '--id' }
         'barrett firmware check' { $found.opts = '--force -h --help'; $found.args = 'file'; $found.lacks = '-p --port --fake --facts -d --device --id --baud --timeout --deadline --retries --trace -n --dry-run -y --yes --history --assume-identity' }
         'barrett firmware download' { $found.opts = '--force --expect --window -h --help --interrupt'; $found.takes = '--expect=none --window=none'; $found.args = 'file'; $found.lacks = '--id' }

@@ -476,6 +476,7 @@ class Barrett(Device):
         *commands: str,
         keep_going: bool = False,
         file: Path | None = None,
+        force: bool = False,
         confirm: Confirm = False,
         dry_run: bool = False,
     ) -> Rows:

@@ -437,7 +437,7 @@ HEAT = [
 def test_8192_at_a_sensible_temperature_is_named_as_the_setting(words: tuple[str, ...], tmp_path: Path) -> None:
     """`PSET OTEMP 60`, the manual's own example (§5.2.3), is 6.0 °C: nothing has to cool."""
     port = fake(state=tmp_path / "s.json", initialized=1)
-    assert run("barrett", "gcl", "PSET OTEMP 60", "-p", port).code == 0
+    assert run("barrett", "gcl", "PSET OTEMP 60", "--force", "-p", port).code == 0
     result = run("barrett", *words, "-p", port, "--json")
     last = result.stream[1]["messages"][-1] if "realtime" in words else result.error
     assert result.code in (6, 7) and ("6.0 °C" in last["hint"] or "6.0 °C" in last["text"]), last

@@ -412,7 +412,9 @@ def test_save_is_counted_and_refused_when_nothing_changed(tmp_path: Path) -> Non
         second = do("save", "--yes", "--trace", trace, port=port)
         assert second.code == 0 and written_lines(trace) == ["FSAVE"]  # nothing global has changed
         assert (saves(spy), eeprom(spy, "DP")) == ((2, 1), (7, 8500, 8500, 1575))
-        assert [(row["name"], row["before"], row["value"]) for row in second.rows] == [("default_position.F1", 8500, 7)]
+        assert [(row["name"], row["last_save"], row["value"]) for row in second.rows] == [
+            ("default_position.F1", 8500, 7)
+        ]
         assert "2 by handctl" in json.dumps(second.json["messages"])
 
 

@@ -50,7 +50,7 @@ def test_the_first_save_saves_all_and_shows_what_is_no_default(state: Path) -> N
     link.sent.clear()
     rows = save(hand)
     assert saves(link) == ["FSAVE", "PSAVE"]
-    assert {(row["name"], row["before"], row["value"], row["default"]) for row in rows} == {
+    assert {(row["name"], row["last_save"], row["value"], row["default"]) for row in rows} == {
         ("strain_limit_high.F1", None, 150, 256),
         ("strain_limit_high_alias.F1", None, 150, 256),
         ("over_temperature_limit", None, 600, 0),
@@ -72,6 +72,22 @@ def test_a_save_that_changes_nothing_is_refused(state: Path) -> None:
     assert kept(state)["1042"]["saves"] == 1
 
 
+def test_what_another_program_saved_is_not_known(state: Path) -> None:
+    """RAM is as handctl saved it, the EEPROM is not: no claim is made of it, and --force writes it."""
+    hand, link = simulated("boot=0")
+    hand.write(changes("DP.F2=5"))
+    save(hand)
+    for line in ("2FSET DP 77", "FSAVE", "2FSET DP 5"):
+        hand.do(line)
+    with pytest.raises(UsageError) as caught:
+        save(hand)
+    assert caught.value.code == "saved-already" and "nothing has changed" not in caught.value.text.lower()
+    assert [row["before"] for row in save(hand, force=True)] in ([], [None])
+    link.power_cycle()
+    link.sleep(2.0)
+    assert eeprom_saves.present(hand)["default_position.F2"] == 5
+
+
 def test_force_saves_all_the_same(state: Path) -> None:
     hand, link = simulated("")
     save(hand)
@@ -89,7 +105,7 @@ def test_only_what_changed_is_saved(change: str, verb: str, state: Path) -> None
     link.sent.clear()
     (row,) = save(hand)
     assert saves(link) == [verb]
-    assert (row["before"], row["value"]) in ((8500, 5), (0, 1))
+    assert (row["last_save"], row["value"]) in ((8500, 5), (0, 1))
     assert kept(state)["1042"]["saves"] == 2
 
 

@@ -34,6 +34,9 @@ COLD = "fake://barrett?clock=virtual"
 READS = ("FGET", "PGET", "VERS")
 MOVES = ("HI", "HOME", "TO", "IC", "C", "O")
 
+STOPPED = ["T", "FGET P", "FGET P"]
+"""Power off, and two readings that agree."""
+
 
 def answering(monkeypatch: pytest.MonkeyPatch, change: Callable[[str, str, Answer], Answer]) -> None:
     """The simulated hand, with answers that `change` from (the last movement, command, answer)."""
@@ -201,7 +204,7 @@ def test_nothing_moves_before_hi(query: str, skip: tuple[str, ...], step: str, r
 def test_a_harmful_setting_moves_nothing_even_where_its_step_is_skipped(tmp_path: Path) -> None:
     state, trace = tmp_path / "hand.json", tmp_path / "t.txt"
     link = f"{COLD}&state={state}"
-    assert run("barrett", "gcl", "1FSET IVEL 1000", "1FSAVE", "-y", "-p", link).code == 0
+    assert run("barrett", "gcl", "1FSET IVEL 1000", "1FSAVE", "-y", "--force", "-p", link).code == 0
     result = light(link, "-y", "--trace", trace, skip=("settings",))
     assert why(result)["init"] == "settings" and moved(trace) == []
     assert why(light(link, "-y"))["settings"] == "harmful"
@@ -246,7 +249,7 @@ def test_heat_in_the_middle_ends_the_run_behind_that_motor(tmp_path: Path, monke
     result = light(COLD, "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, "hot")
     assert 1 <= len(moved(trace)) < 4
-    assert sent_lines(trace)[-1] == "T", "the motors' power is off"
+    assert sent_lines(trace)[-3:] == STOPPED, "the motors' power is off"
 
 
 def test_harm_that_is_seen_between_two_steps_stops_the_hand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -261,7 +264,7 @@ def test_harm_that_is_seen_between_two_steps_stops_the_hand(tmp_path: Path, monk
     monkeypatch.setattr(first_light.FirstLight, "_objection", hot)
     result = light(COLD, "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, "hot")
-    assert moved(trace)[-1] == "4HI" and sent_lines(trace)[-1] == "T"
+    assert moved(trace)[-1] == "4HI" and sent_lines(trace)[-3:] == STOPPED
 
 
 @each_row(
@@ -286,7 +289,9 @@ def test_a_sign_of_harm_ends_the_run(name: str, value: str, after: str, code: st
         result = light(COLD, "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, code), result.err
     assert moved(trace)[-1:] == ([last] if last else [])
-    assert sent_lines(trace)[-1] == "T" if last else only_read(trace), "a hand is stopped once a movement was agreed to"
+    assert sent_lines(trace)[-3:] == STOPPED if last else only_read(trace), (
+        "a hand is stopped once a movement was agreed to"
+    )
     assert why(result)["grease"] == "ended"
 
 
@@ -294,7 +299,7 @@ def test_a_finger_that_moves_the_wrong_way_ends_the_run(tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     result = light(f"{COLD}&fault=reversed", "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, "wrong-way"), result.err
-    assert moved(trace)[-1] == "1IC 200" and sent_lines(trace)[-1] == "T" and sent_lines(trace).count("T") == 1
+    assert moved(trace)[-1] == "1IC 200" and sent_lines(trace)[-3:] == STOPPED and sent_lines(trace).count("T") == 1
     assert "The hand was stopped" in result.err and why(result)["position-at-stop"] == "wrong-way"
 
 
@@ -317,7 +322,7 @@ def test_a_setting_that_becomes_harmful_ends_the_run(name: str, value: str, tmp_
         answering(patch, lambda at, command, answer: saying(command, answer, name, four) if at == "4HI" and command.startswith("FGET") else answer)  # fmt: skip
         result = light(COLD, "-y", "--trace", trace)
     assert (result.code, result.error["code"]) == (7, "settings"), result.err
-    assert moved(trace) == ["1HI", "2HI", "3HI", "4HI"] and sent_lines(trace)[-1] == "T"
+    assert moved(trace) == ["1HI", "2HI", "3HI", "4HI"] and sent_lines(trace)[-3:] == STOPPED
 
 
 @each_row("name", ["TSTOP", "IVEL", "MOV", "HOLD", "SAMPLE", "IHIT", "IOFF", "FIP"])
@@ -349,7 +354,7 @@ def test_a_disturbed_line_in_a_movement_ends_the_run(tmp_path: Path, monkeypatch
     monkeypatch.setattr(GclLine, "ask", ask)
     result = light(COLD, "-y", "--trace", trace, "--repeat", "3")
     assert (result.code, result.error["code"]) == (7, "disturbed"), result.err
-    assert moved(trace) == ["1HI", "2HI"] and sent_lines(trace)[-1] == "T"
+    assert moved(trace) == ["1HI", "2HI"] and sent_lines(trace)[-3:] == STOPPED
     assert next(row["verdict"] for row in result.rows if row["fact"] == "init") == "not-shown"
 
 

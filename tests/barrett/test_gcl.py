@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from handctl import interrupts
-from handctl.devices.barrett.device import refuse
+from handctl import connect, interrupts
+from handctl.devices.barrett.device import BarrettHand, check_line
 from handctl.devices.barrett.gcl import passthrough
-from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, split
+from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, Answer, split
+from handctl.devices.barrett.gcl.line import GclLine
 from handctl.errors import DeviceRefused, Interrupted, NoAnswer, UsageError
 from handctl.model.prompts import Prompts
 from handctl.system import signals
+from tests.barrett.commands import sent_lines
 from tests.barrett.support import ABORT, gcl, scripted, simulated
+from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.person import person
 
@@ -113,15 +118,14 @@ def test_split_of_no_command(text: str) -> None:
 @pytest.mark.parametrize("text", ["LOOP", "124loop", "RESET", "reset", "PSET BAUD 384", "pset lft 1 baud 6"])
 def test_what_would_lose_the_line_is_refused(text: str) -> None:
     with pytest.raises(UsageError) as caught:
-        refuse(text)
+        check_line(text)
     assert caught.value.exit_code == 2
     assert caught.value.hint
 
 
 @pytest.mark.parametrize("text", ["HI", "PSET LFT 1", "PGET BAUD", "?LOOP", "?RESET", "FOO", "", "PLOAD", "PSAVE"])
 def test_what_is_carried(text: str) -> None:
-    refuse(text)
-    assert passthrough.notes(text) == []
+    assert check_line(text) == []
 
 
 @each_row(
@@ -129,14 +133,101 @@ def test_what_is_carried(text: str) -> None:
     [
         ("PSET OTEMP 60", ["OTEMP = 60 (6.0 °C)"]), ("1FSET IVEL 900", ["IVEL = 900"]), ("FSET TSTOP 10000 DP 5", ["TSTOP = 10000"]),
         ("4fset mov 300", ["MOV = 300"]), ("1FSET MOV 300", []), ("PSET OTEMP 0", []), ("FSET CT 20000", ["CT = 20000"]),
-        ("FSET MOV", []), ("FSET MOV x", []), ("FSET NOTHING 5", []), ("FGET MOV", []), ("FOO", []), ("", []),
+        ("FSET MOV", []), ("FSET NOTHING 5", []), ("FGET MOV", []), ("FOO", []), ("", []),
         ("2FSET LCVC 8 OT 60000", ["LCVC = 8", "OT = 60000"]),
     ],
 )  # fmt: skip
 def test_the_manuals_traps_are_noted(text: str, words: list[str]) -> None:
-    """A passthrough sends what is typed; that the manual warns of it is said (§5.3.4, dossier 8)."""
-    found = passthrough.notes(text)
+    """What the manual warns of is refused as `set` refuses it, and said where it is forced (§5.3.4, dossier 3.1)."""
+    found = check_line(text, force=True)
     assert len(found) == len(words) and all(word in note for word, note in zip(words, found, strict=True)), found
+    if words:
+        with pytest.raises(UsageError) as caught:
+            check_line(text)
+        assert caught.value.code == "careful"
+    else:
+        assert check_line(text) == []
+
+
+@pytest.mark.parametrize("value", ["+4000", "-1", "4e3", "0x10", "300.0", "x"])
+def test_a_value_that_cannot_be_read_is_not_guessed(value: str) -> None:
+    with pytest.raises(UsageError) as caught:
+        check_line(f"FSET IVEL {value}")
+    assert caught.value.code == "careful"
+    assert check_line(f"FSET IVEL {value}", force=True) == check_line(f"FSET XX {value}") == []
+
+
+@pytest.mark.parametrize("text", ["FSET LFVC 0", "2FSET LFDPC 0", "FSET ACCEL 0", "PSET OTEMP 1251", "FSET EN 2"])
+def test_a_value_out_of_range_is_refused_as_set_does(text: str) -> None:
+    """0 as a divisor of the RealTime feedback is a division by zero in the hand (dossier 3.1)."""
+    with pytest.raises(UsageError) as caught:
+        check_line(text)
+    assert caught.value.code == "out-of-range"
+    check_line(text, force=True)
+
+
+GUARDED = ["IVEL 4000", "TSTOP 10000", "MOV 2000", "LCVC 8", "OT 20000", "SAMPLE 15"]
+PATHS = {
+    "gcl": ("gcl", "FSET {}"),
+    "gcl, the second line": ("gcl", "FGET P", "3FSET DP 5 {}"),
+    "gcl --file": ("gcl", "--file", "@FSET {}"),
+    "terminal": ("terminal", "FSET {}", "-y"),
+    "terminal, in bytes": ("terminal", "hex {hex}", "-y"),
+    "set": ("set", "{}"),
+}
+
+
+@each_row("path", PATHS)
+@each_row("text", GUARDED)
+def test_a_guarded_value_needs_force_on_every_path(path: str, text: str, tmp_path: Path) -> None:
+    """Not one byte goes out; and where there is a --force, it goes out with a warning."""
+    trace, name = tmp_path / "t.txt", text.replace(" ", "=")
+    digits = f"fset {text}\x09\r".encode().hex(" ")
+    words = [word.format(name if path == "set" else text, hex=digits) for word in PATHS[path]]
+    for place, word in enumerate(words):
+        if word.startswith("@"):
+            (tmp_path / "script").write_text(f"# guarded\n{word[1:]}\n", encoding="utf-8")
+            words[place] = str(tmp_path / "script")
+    link = ("-p", "fake://barrett?clock=virtual&initialized=1", "--json", "--trace", str(trace))
+    result = run("barrett", *words, *link)
+    assert (result.code, result.error["code"]) == (2, "careful"), result
+    assert not trace.exists() or sent_lines(trace) == []
+    if words[0] != "terminal":
+        forced = run("barrett", *words, "--force", *link)
+        assert forced.code == 0 and "careful" in [message["code"] for message in forced.json["messages"]], forced
+
+
+def test_the_library_refuses_a_guarded_value() -> None:
+    with connect("barrett", "fake://barrett?clock=virtual") as hand:
+        with pytest.raises(UsageError):
+            hand.gcl("FSET IVEL 4000")
+        assert {row["value"] for row in hand.get("IVEL")} == {300, 150}
+
+
+def test_from_the_first_line_that_may_move_death_stops_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A read sets up no child; a command that nobody knows may move something; behind a new baud rate it is another child."""
+    seen: list[object] = []
+    ask = GclLine.ask
+
+    @contextmanager
+    def guarded(self: BarrettHand, **how: object) -> Iterator[None]:
+        seen.append(how)
+        yield
+        seen.append("over")
+
+    def noted(self: GclLine, command: str, **more: float) -> Answer:
+        seen.append(command)
+        return ask(self, command, **more)
+
+    monkeypatch.setattr(BarrettHand, "guarded", guarded)
+    monkeypatch.setattr(GclLine, "ask", noted)
+    lines = ["FGET P", "FSET DP 5", "1C", "1O", "PLOAD", "FGET P", "1M 50", "1FOO"]
+    run("barrett", "gcl", *lines, "--keep-going", "-y", "-p", "fake://barrett?clock=virtual&initialized=1")
+    on = {"powered": True}
+    assert seen == ["FGET P", "FSET DP 5", on, "1C", "1O", "over", "PLOAD", "FGET P", on, "1M 50", "1FOO", "over"]
+    seen.clear()
+    run("barrett", "gcl", "FGET P", "FOO", "-p", "fake://barrett?clock=virtual")
+    assert seen == ["FGET P", on, "FOO", "over"]
 
 
 def test_saves_are_known() -> None:
@@ -211,7 +302,7 @@ def test_interrupted() -> None:
     assert isinstance(table.failure, Interrupted) and table.failure.exit_code == 130
     assert "16384" in table.failure.text
     assert ABORT in link.sent
-    assert link.commands == ["GC"]
+    assert link.commands == ["GC", "FGET P HOLD", "FGET P HOLD"], "what is left of the script is not sent"
 
 
 # -- completion and help ----------------------------------------------------------------------------------------------
@@ -277,7 +368,7 @@ def test_a_damaged_answer_to_a_question_is_asked_again() -> None:
 
 def test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two signals within half a second are one wish; but a wish that the prompt has answered is over."""
-    hand, link = scripted()
+    hand, link = scripted({"FGET P HOLD": "5 5 5 5|0 0 0 1"})
     typed = iter(["", "12C", None])
 
     def read_line(_prompt: str) -> str:

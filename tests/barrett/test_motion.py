@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -242,6 +243,34 @@ def test_before_hi(name: str) -> None:
     assert isinstance(failure, DeviceRefused)
     assert (failure.code, failure.exit_code) == ("err-4", 6)
     assert {row["ended"] for row in rows.values()} == {"not initialized: did not move"}
+
+
+@each_row(
+    "query,words,state,told",
+    [
+        ("initialized=1&fault=obstacle", ("move", "12000", "--motors", "1"), "sent", "carried out, ERR 16: F1 stalled"),
+        ("initialized=1&fault=obstacle", ("gcl", "1M 12000"), "sent", ""),
+        ("", ("close",), "refused", "ERR 4: F1 not initialized"),
+        ("", ("close", "--motors", "1"), "refused", "ERR 4: F1 not initialized"),
+        ("", ("gcl", "1C"), "refused", "refused by the device"),
+        ("", ("gcl", "C"), "sent", ""),
+        ("initialized=1", ("close",), "confirmed", "acknowledged by the device"),
+        ("initialized=1", ("gcl", "1M 90000"), "refused", "refused by the device"),
+    ],
+)
+def test_a_movement_that_was_made_was_not_refused(query: str, words: tuple[str, ...], state: str, told: str) -> None:
+    """ERR 16 tells where a movement ended; ERR 4 of several motors may be that of one, and the others have moved."""
+    result = run("barrett", *words, "--json", "-p", f"fake://barrett?clock=virtual&{query}")
+    (row,) = result.json["writes"]
+    assert (row["state"], told in row.get("evidence", "")) == (state, True), row
+
+
+def test_one_motor_that_is_not_initialised_refuses_nothing_for_the_others(tmp_path: Path) -> None:
+    link = f"fake://barrett?clock=virtual&state={tmp_path / 'hand.json'}"
+    assert run("barrett", "init", "--motors", "23", "-p", link).code == 0
+    (row,) = run("barrett", "move", "500", "--motors", "12", "--json", "-p", link).json["writes"]
+    assert (row["state"], row["evidence"].split(":")[0]) == ("sent", "carried out, ERR 4"), row
+    assert "F1 not initialized" in row["evidence"] and "F2 reached" in row["evidence"], row
 
 
 def test_strain_ends_a_movement() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
 
 import pytest
@@ -9,14 +10,20 @@ import pytest
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.devices.barrett.stopper import power_off
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.command_settings import Settings
-from handctl.model.stop_sequence import SILENCE, StopContext, writes_without_replies
+from handctl.model.stop_sequence import SILENCE, StopContext, Stopped, exchange_steps, writes_without_replies
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
+from tests.barrett.support import gcl
 from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
+from tests.support.scripted import Reply, ScriptedLink
 
-WAITS, SLOW = 2.0, 6.0 + SILENCE
+READING = 30 * 10 / 600
+"""Seconds of two readings of the positions, 30 bytes there and back, at the slowest speed: half of it each."""
+WAITS, SLOW = 2.0, 6.0 + SILENCE + READING
 """Seconds that somebody may wait for the stop of a hand whose speed nobody knows; where slow speeds are heard first."""
+PLACES = "46 47 45 54 20 50 0D"
 PREFIXES = ["", *("".join(chosen) for size in (1, 2, 3, 4) for chosen in combinations("1234", size))]
 
 
@@ -50,7 +57,9 @@ def test_a_hand_at_any_speed_is_stopped(
     first = remembered or 9600
     assert f"at {speed} bit/s" in text(result), result
     assert (f"no reply at {first} bit/s" in text(result)) == (speed != first), result
-    assert result.rows[-1]["meaning"] == f"T at {speed} bit/s: motor power off" and result.rows[-1]["answer"], result
+    off, look = result.rows[-2:]
+    assert off["meaning"] == f"T at {speed} bit/s: motor power off" and off["answer"], result
+    assert look["meaning"] == "read the positions" and "Positions: F1 " in text(result), result
     states = [row["state"] for row in result.json["writes"]]
     assert states[-1] == "confirmed" and (speed == first or states[0] == "sent"), "what nobody heard is not confirmed"
 
@@ -59,10 +68,10 @@ def test_the_known_speed_is_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """One ^C that no boot monitor takes for more, then T: nothing at 9600."""
     remember(monkeypatch, 38400)
     result, _ = stop(38400)
-    assert [row["bytes"] for row in result.rows] == ["00 03", "54 0D"]
+    assert [row["bytes"] for row in result.rows] == ["00 03", "54 0D", PLACES]
     remember(monkeypatch, 1200)
     result, _ = stop(38400, "--baud", "38400")
-    assert [row["bytes"] for row in result.rows] == ["00 03", "54 0D"], "the speed that is given counts"
+    assert [row["bytes"] for row in result.rows] == ["00 03", "54 0D", PLACES], "the speed that is given counts"
     result = run("barrett", "stop", "-n", "-p", "/dev/ttyUSB0", "--json")
     assert result.rows[0]["meaning"].startswith("^C at 1200 bit/s") and result.rows[0]["bytes"] == "03"
 
@@ -99,3 +108,101 @@ def test_nothing_that_goes_out_unheard_is_a_trigger(speed: int, receiver: str) -
             assert 0xFF not in resample(step.data, at, 9600, receiver), (step, at)
             if step.data[-1:] == b"\x03":
                 assert not any(0xFF in resample(step.data * count, at, 9600, receiver) for count in range(10)), at
+
+
+# -- it stands: two readings that agree ---------------------------------------------------------------------------------
+
+
+Place = Callable[[float], float]
+"""Where the motors read so many seconds after ^C, or after T."""
+
+
+class Coasting:
+    """A hand that acknowledges ^C and T, and whose motors go on as `places` say; T ends that where it `obeys` it."""
+
+    def __init__(self, places: Place, *, obeys: bool = False, hold: str = "0 0 0 1", reads: bool = True) -> None:
+        self.places, self.obeys, self.hold, self.reads = places, obeys, hold, reads
+        self.since: float | None = None
+        self.rest: float | None = None
+        self.link = ScriptedLink(self.answer)
+
+    def answer(self, request: bytes) -> list[Reply]:
+        now = self.link.now()
+        self.since = now if self.since is None else self.since
+        at = self.rest if self.rest is not None else self.places(now - self.since)
+        if request == b"\x03":
+            return [(0.001, b"\n\rERR 16384\n\r=> ")]
+        command = request.removesuffix(b"\r").decode()
+        if command == "T" and self.obeys:
+            self.rest = at
+        lines = [" ".join([str(round(at))] * 4)] if "P" in command else []
+        lines += [self.hold] if "HOLD" in command else []
+        if "FGET" in command and not self.reads:
+            return []
+        return [(0.001, gcl(command, *lines))]
+
+    def stopped(self, *, powered: bool) -> Stopped:
+        context = StopContext(Settings(), speed=9600, fixed=True, powered=powered)
+        return exchange_steps(self.link, power_off(context), [])
+
+    @property
+    def commands(self) -> list[bytes]:
+        return [one.removesuffix(b"\r") for one in self.link.sent]
+
+
+COASTS: dict[str, tuple[Place, type[HandctlError] | None]] = {
+    "stands": (lambda since: 4711.0, None),
+    "trembles": (lambda since: 4711.0 + 2 * (int(since * 20) % 2), None),
+    "brakes": (lambda since: 4711.0 + 300 * min(since, 0.4), None),
+    "coasts": (lambda since: 4711.0 + 6000 * since, DeviceRefused),
+    "coasts slowly": (lambda since: 4711.0 - 244 * since, DeviceRefused),
+}
+
+
+@each_row("coasts", COASTS)
+@each_row("powered", [True, False])
+def test_a_stop_is_seen_in_two_readings(powered: bool, coasts: str) -> None:
+    """One look cannot show it: two that agree do. Where they never agree, T has gone out and the stop is no success."""
+    places, error = COASTS[coasts]
+    hand = Coasting(places)
+    stopped = hand.stopped(powered=powered)
+    assert stopped.error is error, stopped
+    assert sum(one.startswith(b"FGET P") for one in hand.commands) >= 2
+    assert (b"T" in hand.commands) == (not powered or error is not None)
+    assert ("Positions: F1 " in stopped.text) == (error is None)
+
+
+def test_a_hand_that_goes_on_after_ctrl_c_loses_its_power() -> None:
+    hand = Coasting(COASTS["coasts"][0], obeys=True)
+    stopped = hand.stopped(powered=True)
+    assert stopped.error is None, stopped
+    assert hand.commands.index(b"T") > hand.commands.index(b"FGET P HOLD") and "motor power is off" in stopped.text
+
+
+def test_positions_that_do_not_come_are_no_success() -> None:
+    hand = Coasting(lambda since: 0.0, reads=False)
+    assert hand.stopped(powered=False).error is NoAnswer
+    hand = Coasting(lambda since: 0.0, reads=False)
+    assert hand.stopped(powered=True).error is NoAnswer and b"T" in hand.commands
+
+
+@each_row(
+    "hold,kept,off",
+    [("0 0 0 1", "SPREAD", "F1, F2, F3"), ("1 1 1 1", "F1, F2, F3, SPREAD", ""), ("0 1 0 0", "F2", "F1, F3, SPREAD")],
+)
+def test_which_motors_keep_their_power_is_read(hold: str, kept: str, off: str) -> None:
+    """After ^C a motor whose HOLD is 0 is off (barrett §5.5 case 4)."""
+    stopped = Coasting(lambda since: 5.0, hold=hold).stopped(powered=True)
+    assert f"HOLD keeps {kept} powered" in stopped.text and (f"{off} should be off" in stopped.text) == bool(off)
+    none = Coasting(lambda since: 5.0, hold="0 0 0 0").stopped(powered=True)
+    assert "no motor powered" in none.text
+
+
+@each_row("pieces", [b"\n\r=> ", b"\n\r=> T", b"T\n", b""])
+def test_a_prompt_is_not_told_as_none(pieces: bytes) -> None:
+    """T is not acknowledged: what came is a prompt where it is one."""
+    link = ScriptedLink(lambda request: [(0.001, pieces)] if request == b"T\r" and pieces else [])
+    context = StopContext(Settings(), speed=9600, fixed=True)
+    stopped = exchange_steps(link, power_off(context), [])
+    assert stopped.error is (ProtocolError if pieces else NoAnswer)
+    assert ("A prompt came" in stopped.text) == (b"=>" in pieces) and "instead of a prompt" not in stopped.text

@@ -138,7 +138,7 @@ def test_what_it_does_not_carry(tmp_path: Path) -> None:
 
 def test_ctrl_c_in_the_middle_of_a_movement_keeps_the_prompt() -> None:
     with pressed_at(1.0):
-        shown = prompt("FSET MCV 20", "GC", "FGET P")
+        shown = prompt("FSET MCV 20", "GC", "FGET P", more=("--force",))
     assert shown.code == 0
     _, _, moved, where, _ = shown.text.split("=> ")
     assert "stopped" in moved and "16384" in moved, moved
@@ -175,7 +175,7 @@ def test_keys_of_a_real_terminal_and_a_port_that_goes(tmp_path: Path) -> None:
     """History, here and in the next session; TAB for a command, behind a prefix and for parameters; Ctrl-C drops the line."""
     trace = tmp_path / "t.txt"
     with Simulator("--pty", "--set", "initialized=1", kind="barrett") as sim:
-        with Prompt(tmp_path, sim.link, "--trace", trace) as prompt:
+        with Prompt(tmp_path, sim.link, "--force", "--trace", trace) as prompt:
             for keys in ("PGET SN\r", "VERS\r", "\x1b[A\x1b[A\r", "12HO\t\r", "pg\t te\t\r", "FGET P LFAP\t\r"):
                 prompt.ask(keys)
             prompt.ask("FSET MCV 20\r")
@@ -188,7 +188,7 @@ def test_keys_of_a_real_terminal_and_a_port_that_goes(tmp_path: Path) -> None:
         sent = [" ".join(line.upper().split()) for line in sent_lines(trace)]
         keyed = ["PGET SN", "VERS", "PGET SN", "12HOME", "PGET TEMP", "FGET P LFAP", "FSET MCV 20", "GC"]
         assert sent[: len(keyed)] == keyed
-        with Prompt(tmp_path, sim.link, "--trace", trace) as prompt:
+        with Prompt(tmp_path, sim.link, "--force", "--trace", trace) as prompt:
             prompt.ask("\x1b[A\x1b[A\r")
             prompt.send("FSET DP 1")
             prompt.until("FSET DP 1")

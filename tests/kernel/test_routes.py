@@ -128,7 +128,7 @@ def words(route: Route, kind: str, folder: Path) -> list[str]:
     if route.content is not None:
         content = {"schema": "handctl-snapshot/1", "kind": kind, "device": {}, "values": route.content, "fake": True}
         path.write_text(json.dumps(signed(content)))
-    force = ["--force"] if kind == "barrett" and route.name in ("set", "restore") else []
+    force = ["--force"] if kind == "barrett" and route.name in ("set", "restore", "gcl") else []
     return [kind, *(word.format(path) for word in route.words), *force]
 
 

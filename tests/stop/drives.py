@@ -165,6 +165,7 @@ DRIVEN = {
         re.escape(b"\x63\x00\x28" + OFF), motors_off, "motors",
     ),
     "barrett close": Drive("barrett", "close --motors 1", b"1C\r", b"1C\r\x03", at_prompt, "motors", ("set MCV.F1=16 --force",), 1),
+    "barrett gcl": Drive("barrett", "gcl 1C", b"1C\r", b"1C\r\x03", at_prompt, "motors", ("set MCV.F1=16 --force", "open --motors 1"), 1),
     "exo position": Drive(
         "exo", "position 0 0 0 0 0 -y --wait 30", frame("EB 90 01 04 11 0A 06"), re.escape(RELEASE) + b".*" + re.escape(frame("EB 90 01 0B 32")), held,
         "get 1546 10", ("position 1000 1000 1000 1000 1000 -y --wait 3",), 3,

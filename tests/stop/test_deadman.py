@@ -46,7 +46,6 @@ ENDED = {
     **dict.fromkeys(
         [f"barrett {name}" for name in ("baud", "defaults", "load", "reset", "restore", "save", "set")], VALUES
     ),
-    "barrett gcl": "its movements are those of whoever types them: a hand ends them at a goal, a stall or a strain limit (barrett §5.5)",
     "barrett firmware download": "a hand without firmware does not move",
     "barrett stop": STOPS,
     "ekso cancel": "it ends the action of the wearer's device; the protocol has no stop (ekso §6)",

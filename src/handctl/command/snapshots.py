@@ -13,12 +13,23 @@ The checksum covers everything else in canonical form (sorted keys, no spaces), 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
 from handctl.command.run import Asked, PlannedAction
-from handctl.errors import CheckFailed, DeviceRefused, Hint, OutputError, UsageError, joined
+from handctl.errors import (
+    Aftermath,
+    CheckFailed,
+    DeviceRefused,
+    HandctlError,
+    Hint,
+    Interrupted,
+    OutputError,
+    UsageError,
+    joined,
+)
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
 from handctl.model.device import question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
@@ -223,6 +234,10 @@ def restore(
     differing: list[Change] = []
 
     def look(device: Device) -> Asked:
+        with nothing_written():
+            return read_and_ask(device)
+
+    def read_and_ask(device: Device) -> Asked:
         device.find_for_restore(values)
         device.identify()
         _tell_other_device(run, path, content, device)
@@ -244,15 +259,51 @@ def restore(
         return Asked()
 
     def write(device: Device) -> Table:
+        from handctl.command.envelope import interrupted
+
+        after: dict[str, Number | None] = {}
+        failure: HandctlError | None = None
         try:
-            readings = [reading for group in _groups(differing) for reading in device.write(group)]
+            for group in _groups(differing):
+                after |= {reading.element.full_name: reading.value for reading in device.write(group)}
         except DeviceRefused as exc:  # only a write shows what can be read here and not set
             exc.hint = joined(exc.hint, "--skip NAME leaves a setting of the snapshot out")
             raise
-        return _restored(params, differing, live, {reading.element.full_name: reading.value for reading in readings})
+        except (KeyboardInterrupt, Interrupted) as exc:
+            failure = exc if isinstance(exc, Interrupted) else interrupted(run)
+            with run.prompts.without_interrupts(), suppress(HandctlError):
+                readings = device.read([element for element, _ in differing])
+                after = {reading.element.full_name: reading.value for reading in readings}
+        table = _restored(params, differing, live, after)
+        return table if failure is None else _unfinished(table, differing, failure)
 
     question = f"{_restoring(params, changes)}, where they differ" if changes else ""
     return PlannedAction(lambda: _steps(run.planner(), changes), write, question, look=look)
+
+
+@contextmanager
+def nothing_written() -> Iterator[None]:
+    """Around what comes before the first write: Ctrl-C says that there was none. Raises Interrupted."""
+    try:
+        yield
+    except KeyboardInterrupt as exc:
+        raise Interrupted("interrupted", left=Aftermath("nothing was written")) from exc
+
+
+def _unfinished(table: Table, differing: Sequence[Change], failure: HandctlError) -> Table:
+    """The table of a restore that was interrupted: each row says whether it has been restored."""
+    done = 0
+    for row, (_, wanted) in zip(table.rows, differing, strict=True):
+        if row["value"] == wanted:
+            done += 1
+        elif row["value"] is None:
+            row["error"] = "not read back"
+        row["restored"] = row["value"] == wanted
+    table.columns = (*table.columns, Column("restored", "Restored"))
+    text = f"{done} of {len(table.rows)} values have been restored and read back"
+    failure.add_aftermath(Aftermath(text, "run the same command again: it writes the values that still differ"))
+    table.failure = failure
+    return table
 
 
 def _tell_other_device(run: Run, path: str, content: Mapping[str, Any], device: Device) -> None:

@@ -110,6 +110,8 @@ class Stopped(NamedTuple):
 
 
 StopSequence = Generator[StopStep, Pieces, Stopped]
+Read = Generator[StopStep, Pieces, "list[int] | None"]
+"""Positions; None where they could not be read."""
 
 
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"

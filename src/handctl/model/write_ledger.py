@@ -290,6 +290,11 @@ class Ledger:
             if write.state != REFUSED:
                 write.state, write.evidence = SENT, evidence
 
+    def refuse(self, evidence: str, *steps: Step) -> None:
+        """`evidence` shows that the device has done nothing of these `steps`."""
+        for write in self._chosen(steps, 0):
+            write.state, write.evidence = REFUSED, evidence
+
     def _chosen(self, steps: Sequence[Step], since: int) -> list[Write]:
         if not steps or self.words is None:
             return self._writes[since:]

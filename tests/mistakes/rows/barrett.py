@@ -14,6 +14,15 @@ ANGLES = "handctl.devices.barrett.realtime.joint_angles"
 MOTION = "handctl.devices.barrett.motion"
 HAND = "handctl.devices.barrett.device"
 
+GCL = "tests/barrett/test_gcl.py::test"
+
+STOPPER = "handctl.devices.barrett.stopper"
+STOP = "tests/barrett/test_stop.py::test"
+
+MADE = "tests/barrett/test_motion.py::test_a_movement_that_was_made_was_not_refused"
+
+RESTORED = "tests/contract/test_restore_interrupted.py::test_an_interrupted_restore"
+
 ROWS = (
     mistake(
         "barrett-a-second-answer-is-dropped",
@@ -59,6 +68,116 @@ ROWS = (
         "if self._colon:",
         "if True:",
         "tests/barrett/test_line.py::test_a_monitor_that_was_only_seen_to_echo_may_be_another_device",
+    ),
+    mistake(
+        "barrett-half-a-restore-is-saved",
+        "evidence believed",
+        "handctl.devices.barrett.cli",
+        "restore",
+        "if table.failure is None:  # an interrupted restore has not brought about what was to be saved",
+        "if True:",
+        f"{RESTORED}_saves_nothing",
+    ),
+    mistake(
+        "restore-interrupted-without-a-look",
+        "evidence believed",
+        "handctl.command.snapshots",
+        "restore",
+        "after = {reading.element.full_name: reading.value for reading in readings}",
+        "after = {element.full_name: value for element, value in differing}",
+        f"{RESTORED}_tells_what_it_wrote[barrett]",
+        f"{RESTORED}_tells_what_it_wrote[exo]",
+    ),
+    mistake(
+        "barrett-err-16-is-a-refusal",
+        "ledger lies",
+        "handctl.devices.barrett.explain_bytes",
+        "_carried_out",
+        "if answer.status & (NOT_REACHED | ABORTED):",
+        "if answer.status & ABORTED:",
+        MADE,
+    ),
+    mistake(
+        "barrett-what-moved-nothing-was-carried-out",
+        "ledger lies",
+        MOTION,
+        "_note_end",
+        'if all(row["arrival"] in (BLOCKED, None) for row in rows):',
+        "if False:",
+        MADE,
+    ),
+    mistake(
+        "barrett-stop-believed-for-one-reading",
+        "evidence believed",
+        "handctl.model.standstill",
+        "check_standing",
+        "if now is not None and stands_still(before, now, noise, held):",
+        "if now is not None:",
+        f"{STOP}_a_stop_is_seen_in_two_readings",
+        "tests/stop/test_standstill.py::test_what_moves_slowly_behind_a_stop_is_seen",
+    ),
+    mistake(
+        "barrett-coasts-on-with-its-power",
+        "stop not sent",
+        STOPPER,
+        "power_off",
+        "off = yield from power_off(context._replace(powered=False), prefix)",
+        "return looked",
+        f"{STOP}_a_hand_that_goes_on_after_ctrl_c_loses_its_power",
+    ),
+    mistake(
+        "barrett-unread-positions-are-a-stop",
+        "evidence believed",
+        STOPPER,
+        "power_off",
+        "if looked.error is not None:",
+        "if looked.error is DeviceRefused:",
+        f"{STOP}_positions_that_do_not_come_are_no_success",
+    ),
+    mistake(
+        "barrett-gcl-moves-without-a-guard",
+        "stop not sent",
+        "handctl.devices.barrett.gcl.passthrough",
+        "DeathGuard.before",
+        "elif KINDS[kind].moves and not self._on:",
+        "elif False:",
+        f"{GCL}_from_the_first_line_that_may_move_death_stops_the_hand",
+    ),
+    mistake(
+        "barrett-an-unknown-command-moves-nothing",
+        "stop not sent",
+        "handctl.devices.barrett.gcl.passthrough",
+        "DeathGuard.before",
+        'kind = kind_of(text, "motion")',
+        "kind = kind_of(text)",
+        f"{GCL}_from_the_first_line_that_may_move_death_stops_the_hand",
+    ),
+    mistake(
+        "barrett-terminal-sends-a-guarded-value",
+        "harmful value sent",
+        HAND,
+        "_check_typed",
+        "check_line(text)",
+        "check_line(text, force=True)",
+        f"{GCL}_a_guarded_value_needs_force_on_every_path",
+    ),
+    mistake(
+        "barrett-gcl-sends-a-guarded-value",
+        "harmful value sent",
+        "handctl.devices.barrett.gcl.passthrough",
+        "line_of",
+        "check_line(text, force=force)",
+        "check_line(text, force=True)",
+        f"{GCL}_a_guarded_value_needs_force_on_every_path",
+    ),
+    mistake(
+        "barrett-a-value-that-cannot-be-read-is-sent",
+        "harmful value sent",
+        HAND,
+        "check_line",
+        "elif not force:",
+        "elif False:",
+        f"{GCL}_a_value_that_cannot_be_read_is_not_guessed",
     ),
     mistake(
         "barrett-what-did-not-move-touched-something",

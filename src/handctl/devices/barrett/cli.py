@@ -16,7 +16,7 @@ from handctl.command.family import Family
 from handctl.command.option_types import InFile, WholeRange
 from handctl.command.options import ALWAYS, SKIP
 from handctl.command.run import Asked, PlannedAction, Run
-from handctl.devices.barrett.device import BarrettHand, step_of
+from handctl.devices.barrett.device import BarrettHand, check_line, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware
 from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, SPEED, kind_of, motor_prefix, motors_of
 from handctl.devices.barrett.gcl.connect_table import RESTARTED_TEXT
@@ -284,7 +284,10 @@ def reset(run: Run) -> PlannedAction:
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Keep going after an error.")
 @click.option("--file", "path", type=InFile(), metavar="FILE", help="Send the lines of this script.")
-def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None) -> Table | PlannedAction:
+@click.option("--force", is_flag=True, help="Send values that `set` would refuse.")
+def gcl_(
+    run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None, force: bool = False
+) -> Table | PlannedAction:
     """Send GCL commands, one per argument.
 
     --file sends a script: one command per line, each once the hand has replied to the one before. `DELAY 500` waits 500 ms, and # starts a comment.
@@ -297,11 +300,13 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
     if path is not None and commands:
         raise UsageError("commands and --file given", hint="leave out one of them")
     if not commands and path is None and run.typed.isatty():
-        return _prompt(run)
+        return _prompt(run, force=force)
     if path is not None:
-        lines = passthrough.script(text_lines(read_text(path, "a GCL script", passthrough.LONGEST_SCRIPT)))
+        texts = text_lines(read_text(path, "a GCL script", passthrough.LONGEST_SCRIPT))
+        lines = passthrough.script(texts, force=force)
     else:
-        lines = [passthrough.line_of(text) for text in commands] or passthrough.script(run.typed)
+        lines = [passthrough.line_of(text, force=force) for text in commands]
+        lines = lines or passthrough.script(run.typed, force=force)
     wanted = [line.text for line in lines if line.wait is None]
     if not wanted:
         raise UsageError(
@@ -309,7 +314,7 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
             hint='give some, such as handctl barrett gcl "HI" "GC" "FGET P", or send a script on stdin',
         )
     for text in wanted:
-        for note in passthrough.notes(text):
+        for note in check_line(text, force=True):
             run.journal.warn("careful", f"{text}: {note}")
     if waits := [line for line in lines if line.wait is not None]:
         seconds = sum(line.wait or 0 for line in waits)
@@ -334,8 +339,13 @@ def gcl_(run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None
     return _sends(wanted, send)
 
 
-def _prompt(run: Run) -> Table:
+def _prompt(run: Run, *, force: bool) -> Table:
     from handctl.devices.barrett.gcl import passthrough
+
+    def before(text: str) -> None:
+        for note in check_line(text, force=force):
+            run.prompts.say(f"careful: {note}")
+        ask(run, [text])
 
     if run.settings.dry_run:
         raise UsageError(
@@ -349,7 +359,7 @@ def _prompt(run: Run) -> Table:
             code="no-terminal",
         )
     with passthrough.history():
-        return passthrough.interactive(run, run.device(), input, lambda text: ask(run, [text]))
+        return passthrough.interactive(run, run.device(), input, before)
 
 
 # -- movements (§5.2.1) ---------------------------------------------------------------------------------------------
@@ -402,8 +412,8 @@ for _row in MOVEMENTS:
 def stop(run: Run, motors: str | None) -> Table:
     """Stop the hand at once, even while another handctl command is using it.
 
-    Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors.
-    Never asks.
+    Sends ^C, which ends the movement of all motors, then T, which switches off all motors or those in --motors, then
+    reads the positions twice: they must not change. Never asks.
     """
     from handctl.devices.barrett import motion
     from handctl.devices.barrett.stopper import power_off
@@ -411,7 +421,7 @@ def stop(run: Run, motors: str | None) -> Table:
 
     prefix = prefix_of(motors)
     return emergency.stop(
-        run, lambda context: power_off(context, prefix), otherwise=lambda hand: motion.power_off(hand, prefix)
+        run, lambda context: power_off(context, prefix), otherwise=lambda hand: motion.find_and_power_off(hand, prefix)
     )
 
 
@@ -454,7 +464,7 @@ def defaults(run: Run, motors: str | None) -> PlannedAction:
 def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
     """Save the settings from RAM to EEPROM. Asks first.
 
-    The EEPROM is rated for 5,000 saves. handctl counts them and refuses a save that changes nothing. With --motors,
+    The EEPROM is rated for 5,000 saves. handctl counts them and refuses to save what it saved last. With --motors,
     only the settings of those motors are saved (123FSAVE), and the saved hand settings stay the same.
     """
     from handctl.devices.barrett import eeprom_saves
@@ -512,7 +522,8 @@ def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, .
 
     def write(hand: BarrettHand) -> Table:
         table = whole(hand)
-        eeprom_saves.save(hand, force=True, simulated=run.simulated)
+        if table.failure is None:  # an interrupted restore has not brought about what was to be saved
+            eeprom_saves.save(hand, force=True, simulated=run.simulated)
         return table
 
     steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731

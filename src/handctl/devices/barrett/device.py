@@ -9,10 +9,29 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from itertools import product
 from types import MappingProxyType
 
-from handctl.devices.barrett.gcl.codec import CR, KINDS, Answer, batches, encode, kind_of, values
+from handctl.devices.barrett.gcl.codec import (
+    CR,
+    KINDS,
+    Answer,
+    batches,
+    encode,
+    kind_of,
+    motor_prefix,
+    motors_of,
+    split,
+    values,
+)
 from handctl.devices.barrett.gcl.line import GclLine, Restarted
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for, shows_heat
-from handctl.devices.barrett.parameter_map import BARRETT, POSITIONS, TRAVEL, GclParam, gcl_name, with_sign
+from handctl.devices.barrett.parameter_map import (
+    BARRETT,
+    POSITIONS,
+    TRAVEL,
+    GclParam,
+    check_careful,
+    gcl_name,
+    with_sign,
+)
 from handctl.devices.barrett.status_and_parameter_views import (
     GCL,
     LABEL,
@@ -53,10 +72,44 @@ def step_of(text: str) -> Step:
     return Step(text, encode(text), moves=kind.moves, strands=bool(kind.question))
 
 
-def refuse(text: str) -> None:
-    """What is not sent as it is typed: it would lose the line. Raises UsageError."""
+def check_line(text: str, *, force: bool = False) -> list[str]:
+    """The objections to a line as it is typed, with `force`.
+
+    Raises UsageError for what would lose the line, and without `force` for values that `set` refuses without it too.
+    """
     if (refused := KINDS[kind_of(text)].refused) is not None:
         raise UsageError(refused[0], hint=refused[1])
+    prefix, command, words = split(text)
+    if command is None or command.name not in ("FSET", "PSET"):
+        return []
+    motors = motors_of(motor_prefix(prefix) if prefix else "")
+    changes: list[tuple[Element, Number]] = []
+    for name, value in zip(words[::2], words[1::2], strict=False):
+        try:
+            param, elements = BARRETT.find(name)
+        except UsageError:
+            continue
+        if value.isdecimal():
+            if not force:
+                param.check(int(value), f"{text}: {param.mnemonic}")
+            changes += [(each, int(value)) for each in elements if param.is_global or each.part in motors]
+        elif not force:
+            raise UsageError(
+                f"{text}: handctl cannot check the value {value} of {param.mnemonic}",
+                hint="write it as a whole number. Nothing was sent.",
+                code="careful",
+            )
+    return list(dict.fromkeys(check_careful(changes, force)))
+
+
+def _check_typed(text: str) -> None:
+    """`check_line` for the terminal, which has no --force."""
+    try:
+        check_line(text)
+    except UsageError as exc:
+        if exc.code == "careful":
+            exc.hint = Hint("{} sends it anyway. Nothing was sent.", f'barrett gcl --force "{text}"')
+        raise
 
 
 class BarrettHand(Device):
@@ -83,34 +136,21 @@ class BarrettHand(Device):
         self._told_sign = False
 
     def abort(self) -> Stopped:
-        """^C; the motors keep their power. Never raises, and asks nothing."""
+        """^C, which leaves the motors to their HOLD. Never raises."""
         from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 
-        return super().stop(powered=CTRL_C_KEEPS_POWER)
-
-    def stop(self, *, powered: bool = False) -> Stopped:
-        """See Device. If the motors keep their power, it also reports their positions."""
-        stopped = super().stop(powered=powered)
-        if stopped.error is not None or not powered:
-            return stopped
-        try:
-            readings = self.read(BARRETT.elements("P"))
-        except HandctlError as exc:
-            return stopped._replace(text=f"{stopped.text}. Their positions could not be read: {exc.text}")
-        places = ", ".join(f"{reading.element.part} {reading.value}" for reading in readings)
-        return stopped._replace(text=f"{stopped.text}. Positions: {places}")
+        return self.stop(powered=CTRL_C_KEEPS_POWER)
 
     def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:
         """As `gcl` does. ^C alone ends a movement, and is not asked for."""
         *lines, rest = data.split(CR)
         if not data.strip(b"\0\3"):
             return Step("^C: abort", data), ""
+        for line in lines:
+            _check_typed(line.decode("ascii", "replace"))
         if rest or not all(32 <= byte < 127 for line in lines for byte in line):
             return Step("this is not a complete GCL line", data, moves=True, strands=True), UNKNOWN
-        steps = []
-        for line in lines:
-            refuse(line.decode())
-            steps.append(step_of(line.decode()))
+        steps = [step_of(line.decode()) for line in lines]
         questions = dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in steps if step.strands)
         meaning = " | ".join(step.meaning or "an empty line" for step in steps)
         moves, strands = any(step.moves for step in steps), bool(questions)

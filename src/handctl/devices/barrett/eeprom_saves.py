@@ -1,7 +1,8 @@
 """FSAVE and PSAVE: the EEPROM is rated for 5,000, so values are compared first and saves are counted (barrett §5.2.2, §5.2.3).
 
-The hand does not tell how often it was saved. handctl keeps its own journal per serial number, below the user's state
-folder; saves made by other programs are not in it.
+The hand tells neither how often it was saved nor what its EEPROM holds: FLOAD would show that, and replace what is in RAM.
+handctl keeps its own journal per serial number, below the user's state folder. Saves made by other programs are not in it, so
+what it says is what handctl saved, and never what the hand held.
 """
 
 from __future__ import annotations
@@ -67,8 +68,9 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     before = {name: value for name, value in saved.items() if name in now}
     if now == before and not force:
         raise UsageError(
-            "nothing has changed since handctl's last save of this hand",
-            hint=f"use --force to save anyway. The EEPROM is rated for {MOST_SAVES} saves. Nothing was written.",
+            "the settings are those that handctl saved last on this hand. The EEPROM cannot be read, so it is not known whether another program has saved since",
+            hint=f"use --force to save them again. The EEPROM is rated for {MOST_SAVES} saves. Nothing was written.",
+            code="saved-already",
         )
     changed = [name for name in now if now[name] != before.get(name)]
     halves = (
@@ -101,12 +103,18 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
         done.append(verb)
     _count(hand, journal, key, saved | now)
     rows: list[Row] = [
-        {"name": name, "before": before.get(name), "value": now[name], "default": default_of(name)}
+        {
+            "name": name,
+            "before": None,
+            "last_save": before.get(name),
+            "value": now[name],
+            "default": default_of(name),
+        }
         for name in (changed if before else [name for name, value in now.items() if value != default_of(name)])
     ]
     columns = (
         Column("name", "Name"),
-        Column("before", "Last save", right=True),
+        Column("last_save", "Last save", right=True),
         Column("value", "Saved", right=True),
         Column("default", "Default", right=True),
     )

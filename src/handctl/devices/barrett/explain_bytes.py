@@ -43,7 +43,7 @@ from handctl.devices.barrett.gcl.codec import (
     values,
 )
 from handctl.devices.barrett.gcl.connect_table import FILL, LOOPED, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.gcl.status_codes import explain_status
+from handctl.devices.barrett.gcl.status_codes import ABORTED, NOT_REACHED, OF_ONE_MOTOR, explain_status
 from handctl.devices.barrett.parameter_map import BARRETT, GclParam
 from handctl.devices.barrett.realtime.blocks import (
     ACKNOWLEDGE,
@@ -1056,6 +1056,8 @@ class BarrettWriteRules:
         if answer.lines and not answer.status and self._kind != "reset":
             return ()  # perhaps a spoiled ERR: it says nothing
         self._moves = False
+        if KINDS[self._kind].moves and _carried_out(answer):
+            return ()  # its status tells how it ended: no acknowledgement, and no refusal
         return ((self._key, not answer.status),)
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
@@ -1088,6 +1090,13 @@ class BarrettWriteRules:
             self._decoder, self._loop = None, False
             return ((self._key, False),)
         return ()
+
+
+def _carried_out(answer: Answer) -> bool:
+    """Whether the status is one with which a movement was made, or may have been made by some of its motors."""
+    if answer.status & (NOT_REACHED | ABORTED):
+        return True
+    return bool(answer.status & OF_ONE_MOTOR) and len(motors(split(answer.command)[0])) > 1
 
 
 def _asks(data: bytes) -> bool:

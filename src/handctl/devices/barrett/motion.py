@@ -10,11 +10,12 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix
-from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status, hint_for
+from handctl.devices.barrett.gcl.session_start import look_for_motion
+from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
-from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import (
     ARRIVAL,
     BLOCKED,
@@ -30,6 +31,7 @@ from handctl.model.movement import (
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
+from handctl.model.stop_sequence import FIND_WHO
 from handctl.number_parsing import number_in
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -59,8 +61,6 @@ TORQUE = ("TC", "TO")
 """Movements that end at a stall: they have no target (barrett §5.5)."""
 CLOSING = {"TC": 1, "TO": -1}
 """Which way they go: 1 closes."""
-NOT_REACHED = 16
-"""Status of M, HOME, IC and IO where a motor did not get to its place (barrett §5.5)."""
 
 
 def command_text(prefix: str, name: str, argument: int | None) -> str:
@@ -177,6 +177,8 @@ def timed(
     prompts.done()
     try:
         table, arrivals = _result(hand, name, answer, motors, goals, starts, all_motors=not prefix)
+        if answer.status:
+            _note_end(hand, answer, table.rows)
     except (NoAnswer, ProtocolError) as exc:
         exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
         raise
@@ -193,6 +195,16 @@ def timed(
             f"{refusal.text}, although each motor is within MPE of its target now", hint=refusal.hint, code=refusal.code
         )
     return table, took
+
+
+def _note_end(hand: BarrettHand, answer: Answer, rows: Sequence[Row]) -> None:
+    """Into the record of writes: a movement that some motors have made was not refused, whatever its status."""
+    step = Step(answer.command, encode(answer.command))
+    ends = ", ".join(f"{row['motor']} {row['ended']}" for row in rows)
+    if all(row["arrival"] in (BLOCKED, None) for row in rows):
+        hand.journal.ledger.refuse(f"ERR {answer.status}: {ends}", step)
+    else:
+        hand.journal.ledger.doubt(f"carried out, ERR {answer.status}: {ends}", step)
 
 
 def moved(
@@ -372,3 +384,11 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
         hand.journal.ledger.confirm("ERR 4: its power is off", Step("T", encode(f"{prefix}T")))
     status = f" (status {answer.status}: {explain_status(answer.status)})" if answer.status else ""
     return f"the hand was found and ^C was sent. {prefix}T was acknowledged{status}: motor power is off"
+
+
+def find_and_power_off(hand: BarrettHand, prefix: str) -> str:
+    """The same for a hand that did not reply where it was looked for first, and whether it stands still afterwards."""
+    text = power_off(hand, prefix)
+    if moving := look_for_motion(hand.line):
+        raise DeviceRefused(f"{hand.link.name}: {text}. But it moves: {', '.join(moving)}", hint=FIND_WHO)
+    return text

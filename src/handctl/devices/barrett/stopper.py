@@ -11,28 +11,38 @@ from __future__ import annotations
 
 import re
 from collections.abc import Generator, Sequence
+from contextlib import suppress
 from functools import partial
+from itertools import product
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.codec import Answer, Decoder, encode, has_prompt
+from handctl.devices.barrett.gcl.codec import MOTORS, PROMPT, Answer, Decoder, encode, has_prompt, values
 from handctl.devices.barrett.gcl.connect_table import SAFE_ABORT, abort_at
-from handctl.devices.barrett.gcl.status_codes import explain_status
-from handctl.devices.barrett.parameter_map import SPEEDS
+from handctl.devices.barrett.gcl.status_codes import ABORTED, explain_status
+from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep, did_not_last, silence
+from handctl.model.standstill import check_standing
+from handctl.model.stop_sequence import (
+    Pieces,
+    Read,
+    StopContext,
+    Stopped,
+    StopSequence,
+    StopStep,
+)
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
 SWALLOWED = 8
 POWER_OFF, BRIEF, TRIES = 1.0, 0.3, 3
 """Seconds for the answer to T: at the end, and before the other speeds are tried."""
-ABORTED = 16384
-"""Status of what ^C has ended (barrett §5.1.3, T3)."""
 HARMLESS = 1 | 4 | ABORTED
 """Statuses with which T works: a motor was never initialized (printed as 1 in §5.2.1), ^C was received."""
 CTRL_C_KEEPS_POWER = True
-"""Ctrl-C in a movement sends ^C and no T: the motors hold what the hand has gripped."""
+"""Ctrl-C in a movement sends ^C and no T: the motors that HOLD keeps powered hold what the hand has gripped (barrett §5.5)."""
+NOISE = 5
+"""Counts between two readings at rest. The slowest velocity, 1/16 count per sample, goes 70 in the time between them."""
 OFF = "switch the power supply off if the hand still moves"
 
 
@@ -54,16 +64,84 @@ def stop_steps(context: StopContext) -> StopSequence:
 def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     """^C, which stops all motors, then T for the motors of `prefix` ("" = all); data after a silence shows another program.
 
-    Where the motors are to stay `powered`, T goes out only when ^C brings no prompt.
+    Where the motors are to stay `powered`, T goes out only when ^C brings no prompt, or a motor is not seen standing
+    still after it.
     """
-    stopped = yield from _power_off(context, prefix)
-    if stopped.error is None and (said := b"".join((yield from silence())).strip(b"=> \r\n")):  # late prompts are ours
-        shown = said[:24].hex(" ").upper()
-        return did_not_last(stopped, f"the hand sent {shown}, which this command did not request")
-    return stopped
+    stopped, turns = yield from _power_off(context, prefix)
+    if stopped.error is not None:
+        return stopped
+    look = _Look(turns, context)
+    looked, places = yield from check_standing(stopped, look.places, NOISE, strange=_unasked)
+    if looked.error is not None:
+        looked = look.judge(stopped, looked)
+        if not context.powered:
+            return looked
+        off = yield from power_off(context._replace(powered=False), prefix)
+        return off._replace(text=f"{looked.text}. {off.text}")
+    powered = turns[-1].answer is None
+    text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
+    at = ", ".join(f"{motor} {place}" for motor, place in zip(MOTORS, places, strict=True))
+    return stopped._replace(text=f"{text}. Positions: {at}")
 
 
-def _power_off(context: StopContext, prefix: str) -> StopSequence:
+def _unasked(heard: Pieces) -> str:
+    """What the hand said by itself; late prompts are answers to what was sent here."""
+    said = b"".join(heard).strip(b"=> \r\n")
+    return f"the hand sent {said[:24].hex(' ').upper()}, which this command did not request" if said else ""
+
+
+class _Look:
+    """Reads the positions of a hand that is at its prompt, and with `hold` which motors HOLD keeps powered."""
+
+    def __init__(self, turns: Sequence[StopAttempt], context: StopContext) -> None:
+        self._speeds = tuple(dict.fromkeys(turn.speed for turn in reversed(turns)))
+        self._slow = context.settings.timeout or POWER_OFF
+        self._sign = context.settings.own.get("position_sign", "")
+        self._names = ("P HOLD", "P") if context.powered else ("P", "P")
+        self._hold: list[int] = []
+        self._came = b""
+
+    def places(self) -> Read:
+        """One reading, in two attempts; an acknowledgement that was late came from the baud rate that was tried before."""
+        self._came = b""
+        for speed, names in product(self._speeds, self._names):
+            command = f"FGET {names}"
+            step = Step("read the positions", encode(command))
+            enough = partial(_answered, command, ())
+            came = yield StopStep(step, self._slow, enough, reads=True, baud=speed, size=64)
+            self._came += b"".join(came)
+            answer = _answer(command, came)
+            with suppress(ProtocolError):
+                if answer is not None and not answer.status:
+                    places, *more = values(answer, len(names.split()), len(MOTORS))
+                    self._hold = more[0] if more else []
+                    self._speeds = (speed,)
+                    return [with_sign(index, place, self._sign) for index, place in enumerate(places)]
+        return None
+
+    def judge(self, stopped: Stopped, looked: Stopped) -> Stopped:
+        """What `looked` says of `stopped`, where the hand did reply, and not as it should."""
+        if looked.error is not NoAnswer or not self._came:
+            return looked
+        text = f"{stopped.text}. Its positions could not be read ({_shown(self._came)}), so it is not known whether it still moves"
+        return looked._replace(text=text, error=ProtocolError)
+
+    @property
+    def held(self) -> str:
+        """Which motors have power after ^C, by the manual (barrett §5.5 case 4)."""
+        on = [motor for motor, hold in zip(MOTORS, self._hold, strict=False) if hold]
+        off = [motor for motor in MOTORS if motor not in on]
+        if not self._hold:
+            return "Motors whose HOLD is 1 keep their power (barrett §5.5)"
+        kept = f"HOLD keeps {', '.join(on)} powered" if on else "HOLD keeps no motor powered"
+        return f"{kept}, and {', '.join(off)} should be off (barrett §5.5)" if off and on else f"{kept} (barrett §5.5)"
+
+
+def _shown(came: bytes) -> str:
+    return came[-24:].hex(" ").upper()
+
+
+def _power_off(context: StopContext, prefix: str) -> Generator[StopStep, Pieces, tuple[Stopped, list[StopAttempt]]]:
     command = f"{prefix}T"
     slow = context.settings.timeout or 0.0
     others = (
@@ -73,13 +151,13 @@ def _power_off(context: StopContext, prefix: str) -> StopSequence:
     waits = (FIRST, *[BETWEEN] * (SWALLOWED - 1), last)
     turns = [(yield from _at(context.speed, prefix, waits, brief, slow, powered=context.powered))]
     if context.powered and turns[0].ended:
-        return Stopped(f"{_ended_by(turns[0].seen)}. The motors keep their power")
+        return Stopped("^C was acknowledged"), turns
     for speed in others:
         if turns[-1].answer is None:
             turns.append((yield from _at(speed, prefix, (FIRST,), BRIEF, slow)))
     if others and turns[-1].answer is None:  # a slow line, or a movement that took long to end
         turns.append((yield from _at(context.speed, prefix, (BETWEEN, LAST), POWER_OFF, slow)))
-    return _ending(command, turns)
+    return _ending(command, turns), turns
 
 
 def _at(
@@ -129,7 +207,7 @@ def _ending(command: str, turns: list[StopAttempt]) -> Stopped:
     last = turns[-1]
     answer = last.answer
     if answer is None:
-        return _unanswered(turns)
+        return _unanswered(command, turns)
     at = f" at {last.speed} bit/s" if last.speed is not None else ""
     before = f"no reply at {turns[0].speed} bit/s. " if last.speed != turns[0].speed else ""
     ended = f"{before}^C{at} brought a prompt" if last.ended else f"{before}^C{at} had no reply"
@@ -147,13 +225,13 @@ def _refusal(answer: Answer) -> bool:
     return bool(answer.lines or answer.status & ~HARMLESS)
 
 
-def _unanswered(turns: list[StopAttempt]) -> Stopped:
+def _unanswered(command: str, turns: list[StopAttempt]) -> Stopped:
     sent = ", ".join(dict.fromkeys(turn.sent for turn in turns))
     seen = next((turn.seen for turn in turns if turn.seen), b"")
     if not seen:
         return Stopped(f"{sent} was sent, but nothing replied", OFF, NoAnswer)
-    shown = seen[-24:].hex(" ").upper()
-    return Stopped(f"{sent} was sent. The hand replied with {shown} instead of a prompt", OFF, ProtocolError)
+    came = f"came, but no valid reply to {command}" if PROMPT in seen else "did not come"
+    return Stopped(f"{sent} was sent. A prompt {came}, received {_shown(seen)}", OFF, ProtocolError)
 
 
 def _ended_by(seen: bytes) -> str:

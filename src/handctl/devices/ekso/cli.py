@@ -416,7 +416,8 @@ def restore(run: Run, file: str, audit: str | None, override: bool, skip: tuple[
     act = snapshots.restore(run, EKSO, file, skip=skip)
 
     def look(ekso: Ekso) -> Asked:
-        give_writer(run, ekso, audit, override=override, stepwise=True)
+        with snapshots.nothing_written():
+            give_writer(run, ekso, audit, override=override, stepwise=True)
         return act.looked(ekso)
 
     return act._replace(question=CHANGES, look=look)

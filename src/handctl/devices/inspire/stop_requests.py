@@ -12,17 +12,17 @@ from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire.register_bus import ahead, question
 from handctl.errors import CheckFailed
 from handctl.model.frame_decoder import frames_in
-from handctl.model.movement import stands_still
 from handctl.model.param import Step
+from handctl.model.standstill import check_standing
 from handctl.model.stop_repetition import after_late_replies, repeat_until_answered
 from handctl.model.stop_sequence import (
     SILENCE,
     Pieces,
+    Read,
     StopContext,
     Stopped,
     StopStep,
     did_not_last,
-    not_seen_again,
     silence,
 )
 
@@ -31,16 +31,11 @@ QUICK = 0.05
 SHOWN = 16
 """Bytes of what came instead of an answer that a sentence holds."""
 
-LOOKS = 3
-"""Pairs of readings, each over `SILENCE`, in one of which it must stand still."""
-
 READS = "read where it is, or is to be"
 
 EB90, RTU, TCP, CAN = "EB90", "Modbus RTU", "Modbus TCP", "CAN"
 TAKEN, REFUSED = 0, -1
 """What an answer says of a write; above 0 it is the exception of Modbus."""
-
-Read = Generator[StopStep, Pieces, list[int] | None]
 
 
 def answer(pieces: Pieces, prefix: bytes) -> eb90.Frame | None:
@@ -215,25 +210,13 @@ def check_again(
 ) -> Generator[StopStep, Pieces, tuple[Stopped, list[int]]]:
     """After a silence: what is commanded now, and whether it stands still. The result of the stop, and the last positions.
 
-    `wanted` is what the stop has commanded, None where it has not; `noise` and `held` as in `stands_still`. An axis that
-    brakes has until the last of `LOOKS` to rest.
+    `wanted` is what the stop has commanded, None where it has not; `noise` and `held` as in `stands_still`.
     """
     yield from silence()
     told = yield from targets()
     if told is not None and any(one not in (None, now) for one, now in zip(wanted, told, strict=False)):
         return did_not_last(stopped, f"it is commanded to {' '.join(map(str, told))}"), []
-    moved = ""
-    now = yield from places()
-    for _ in range(LOOKS):
-        if now is None:
-            break
-        before = now
-        yield from silence()
-        now = yield from places()
-        if now is not None and stands_still(before, now, noise, held):
-            return stopped, now
-        moved = f"it moves: {' '.join(map(str, before))}, then {' '.join(map(str, now or ()))}"
-    return (not_seen_again(stopped) if now is None else did_not_last(stopped, moved)), []
+    return (yield from check_standing(stopped, places, noise, held))
 
 
 def instead(heard: Pieces) -> str:

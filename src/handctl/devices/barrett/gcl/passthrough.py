@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.devices.barrett import eeprom_saves
-from handctl.devices.barrett.device import BarrettHand, refuse
-from handctl.devices.barrett.gcl.codec import COMMANDS, Answer, encode, kind_of, motor_prefix, motors_of, split, whole
+from handctl.devices.barrett.device import BarrettHand, check_line
+from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, Answer, encode, kind_of, split, whole
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
-from handctl.devices.barrett.parameter_map import BARRETT, careful
+from handctl.devices.barrett.parameter_map import BARRETT
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import refuse_controls, state_path, unmarked
 from handctl.interrupts import reset_interrupts
@@ -23,23 +24,6 @@ if TYPE_CHECKING:
     from handctl.command.run import Run
 
 COLUMNS = (Column("command", "Command"), Column("text", "Answer"), Column("status", "Status", right=True))
-
-
-def notes(text: str) -> list[str]:
-    """Objections to the values of an FSET or PSET: it is sent as typed, but with a warning."""
-    prefix, command, words = split(text)
-    if command is None or command.name not in ("FSET", "PSET"):
-        return []
-    digits = motors_of(motor_prefix(prefix) if prefix else "")
-    found: list[str | None] = []
-    for name, value in zip(words[::2], words[1::2], strict=False):
-        try:
-            param, elements = BARRETT.find(name)
-        except UsageError:
-            continue
-        if value.isdecimal():
-            found += [careful(each, int(value)) for each in elements if param.is_global or each.part in digits]
-    return list(dict.fromkeys(note for note in found if note is not None))
 
 
 def saves(texts: Iterable[str]) -> bool:
@@ -66,19 +50,19 @@ class ScriptLine(NamedTuple):
         return f"line {self.number}: {text}" if self.number else text
 
 
-def script(lines: Iterable[str]) -> list[ScriptLine]:
+def script(lines: Iterable[str], *, force: bool = False) -> list[ScriptLine]:
     """Lines of a script: a command each, or ``DELAY ms``. Empty lines and `#` comments are left out. Raises UsageError."""
     texts = ((number, line.partition("#")[0].strip(" \t\r\n")) for number, line in enumerate(unmarked(lines), 1))
-    return [line_of(text, number) for number, text in texts if text]
+    return [line_of(text, number, force=force) for number, text in texts if text]
 
 
-def line_of(text: str, number: int = 0) -> ScriptLine:
-    """One line. Raises UsageError for what is not sent as it is typed."""
+def line_of(text: str, number: int = 0, *, force: bool = False) -> ScriptLine:
+    """One line. Raises UsageError for what is not sent as it is typed (`check_line`)."""
     line, (name, *words) = ScriptLine(text, number), text.upper().split() or [""]
     try:
         refuse_controls(text)
         if name != DELAY:
-            refuse(text)
+            check_line(text, force=force)
             encode(text)
             return line
         if len(words) != 1 or not (words[0].isascii() and words[0].isdecimal()) or int(words[0]) > MOST_MS:
@@ -98,31 +82,62 @@ def run_all(hand: BarrettHand, commands: Iterable[ScriptLine], *, keep_going: bo
     """
     rows: list[Row] = []
     failure: HandctlError | None = None
-    for line in commands:
-        text, place = line.text, {"line": line.number} if line.number else {}
-        lost: HandctlError | None = None
-        try:
-            if line.wait is not None:
-                hand.link.sleep(line.wait)
-                continue
-            answer = ask(hand, text)
-        except KeyboardInterrupt:
-            lost = interrupt_error(hand.abort(), f"in {text}: ")
-        except HandctlError as exc:
-            exc.text = line.named(exc.text)
-            lost = exc
-        if lost is not None:
-            rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text, **place})
-            failure = lost
-            break
-        rows.append(row_of(answer) | place)
-        error = objection(hand, answer)
-        if error is not None:
-            error.text = line.named(error.text)
-            failure = failure or error
-            if not keep_going:
+    with DeathGuard(hand) as guard:
+        for line in commands:
+            text, place = line.text, {"line": line.number} if line.number else {}
+            lost: HandctlError | None = None
+            try:
+                if line.wait is not None:
+                    hand.link.sleep(line.wait)
+                    continue
+                guard.before(text)
+                answer = ask(hand, text)
+            except KeyboardInterrupt:
+                lost = interrupt_error(hand.abort(), f"in {text}: ")
+            except HandctlError as exc:
+                exc.text = line.named(exc.text)
+                lost = exc
+            if lost is not None:
+                rows.append({"command": text, "lines": [], "text": "", "status": None, "error": lost.text, **place})
+                failure = lost
                 break
+            rows.append(row_of(answer) | place)
+            error = objection(hand, answer)
+            if error is not None:
+                error.text = line.named(error.text)
+                failure = failure or error
+                if not keep_going:
+                    break
     return Table(rows=rows, columns=COLUMNS, text=as_text, plain=("text",), failure=failure)
+
+
+class DeathGuard:
+    """From the first line that may move something on, the death of this process stops the hand, as in a movement.
+
+    A line that may change the baud rate ends it until the next movement: the child is to know the new one.
+    """
+
+    def __init__(self, hand: BarrettHand) -> None:
+        self._hand = hand
+        self._stack = ExitStack()
+        self._on = False
+
+    def before(self, text: str) -> None:
+        """This line goes out next. Of a command that handctl does not know, nobody knows that it moves nothing. Raises LinkError."""
+        kind = kind_of(text, "motion")
+        if kind == "speed":
+            self._stack.close()
+            self._on = False
+        elif KINDS[kind].moves and not self._on:
+            self._hand.line.connect()
+            self._stack.enter_context(self._hand.guarded(powered=CTRL_C_KEEPS_POWER))
+            self._on = True
+
+    def __enter__(self) -> DeathGuard:
+        return self
+
+    def __exit__(self, *_exc: object) -> None:
+        self._stack.close()
 
 
 def ask(hand: BarrettHand, text: str) -> Answer:
@@ -223,29 +238,28 @@ def explain_help(text: str) -> str:
 def interactive(run: Run, hand: BarrettHand, read_line: Callable[[str], str], before: Callable[[str], None]) -> Table:
     """A prompt like the hand's own: history, completion, ? for help, Ctrl-C stops a movement, Ctrl-D ends.
 
-    `before` asks, where a line needs it, and raises NotConfirmed.
+    `before` checks and asks, where a line needs it, and raises UsageError, NotConfirmed.
     """
     hand.line.connect()
     run.prompts.say("Ctrl-C stops a movement. Ctrl-D ends this GCL prompt. ?NAME explains a command or parameter.")
-    while True:
-        try:
-            text = read_line("=> ").strip()
-        except EOFError:
-            return Table()
-        except KeyboardInterrupt:
-            run.prompts.say("^C")
-            continue
-        if text:
-            reset_interrupts()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here
-            _one(run, hand, text, before)
+    with DeathGuard(hand) as guard:
+        while True:
+            try:
+                text = read_line("=> ").strip()
+            except EOFError:
+                return Table()
+            except KeyboardInterrupt:
+                run.prompts.say("^C")
+                continue
+            if text:
+                reset_interrupts()  # a Ctrl-C at the prompt must not swallow the next one, which is to stop what begins here
+                _one(run, hand, text, before, guard)
 
 
-def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None]) -> None:
+def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None], guard: DeathGuard) -> None:
     try:
-        refuse(text)
-        for note in notes(text):
-            run.prompts.say(f"careful: {note}")
         before(text)
+        guard.before(text)
         ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if saves([text]) else None
         answer = ask(hand, text)
         if ledger is not None and not answer.status:

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 from handctl.errors import HandctlError, Hint
 
+NOT_REACHED = 16
+"""Status of M, HOME, IC and IO where a motor did not get to its place (barrett §5.5)."""
+ABORTED = 16384
+"""Status of what ^C has ended (barrett §5.1.3, T3)."""
+OF_ONE_MOTOR = 1 | 2 | 4
+"""Statuses of single motors: a movement moves the others all the same (barrett §5.2.1)."""
 OVER_TEMPERATURE = 8192
 """Status of a motor, or of a motor command, above OTEMP (barrett §5.4.1)."""
 STATUS_CODES: dict[int, tuple[str, str]] = {

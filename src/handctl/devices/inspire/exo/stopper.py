@@ -16,7 +16,6 @@ from handctl.devices.inspire.stop_requests import (
     REFUSED,
     TAKEN,
     Axes,
-    Read,
     Wire,
     answer,
     asks,
@@ -28,7 +27,7 @@ from handctl.devices.inspire.stop_requests import (
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stop_repetition import attempts, behind, repeat_until_answered
-from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep
+from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, StopSequence, StopStep
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
     EXO[name].address for name in ("position_set", "force_set", "position_actual")
