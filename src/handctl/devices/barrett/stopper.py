@@ -30,6 +30,7 @@ from handctl.model.stop_sequence import (
     Stopped,
     StopSequence,
     StopStep,
+    silence,
 )
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
