@@ -81,7 +81,7 @@ def whole_names(names: Sequence[str], among: Collection[str]) -> list[str]:
 def skipping(names: Sequence[str], among: Collection[str]) -> str:
     """The next step where some of a snapshot cannot be restored here."""
     options = " ".join(f"--skip {name}" for name in whole_names(names, among))
-    return f"add {options} to restore the others without it. Nothing was written."
+    return f"add {options} to restore the others. Nothing was written."
 
 
 def kind_of(params: ParamMap[Any], name: str) -> str:
