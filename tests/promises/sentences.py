@@ -46,7 +46,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "kernel/test_limits.py",
         "test_a_limit_that_nothing_was_compared_with",
     ),
-    "A command that was started before the stop": (
+    "A handctl command that was started before the stop": (
         "stop/test_started_before.py",
         "test_a_script_that_slept_through_a_stop_moves_nothing",
     ),

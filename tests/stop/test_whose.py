@@ -189,7 +189,11 @@ def test_a_hand_that_moves_and_replies_to_its_stop_alone_is_stopped(
     result = run("stop", *where, "--json", env={"HANDCTL_CONFIG": str(path)})
     assert (result.code, result.json["device"]["kind"]) == (0, "barrett"), result
     last = [(row["bytes"], row["answer"]) for row in result.rows[-3:]]
-    assert [wire for wire, _ in last] == ["03", "54 0D", b"FGET P\r".hex(" ").upper()] and b"ERR 16384" in bytes.fromhex(last[0][1]), result
+    assert [wire for wire, _ in last] == [
+        "03",
+        "54 0D",
+        b"FGET P\r".hex(" ").upper(),
+    ] and b"ERR 16384" in bytes.fromhex(last[0][1]), result
     assert [write["state"] for write in result.json["writes"][-2:]] == ["confirmed"] * 2
     assert last_family(PORT) == "barrett"
 

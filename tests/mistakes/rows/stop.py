@@ -88,7 +88,7 @@ ROWS = (
         "stop sent once",
         WRIST,
         "stop_steps",
-        "action = StopStep(step, 0.0, lambda came, verdict=verdict: verdict(came) == TAKEN)",
+        "action = StopStep(step, 0.0, lambda came, verdict=verdict: verdict(came) == TAKEN)  # type: ignore[misc]",
         "action = StopStep(step, 0.0, lambda came, verdict=verdict: verdict(came) is not None)",
         "tests/stop/test_stop_repeated.py::test_a_wrist_that_refuses_its_hold_is_read_and_held_anew",
     ),
@@ -506,10 +506,8 @@ ROWS = (
         "moves after a stop",
         "handctl.tools.batch",
         "_run",
-        """session = Session(
-        run.command, writes=any(one.leaf.writes and not one.settings.dry_run for one in lines), began=run.began
-    )""",
-        "session = Session(run.command, writes=True)",
+        "session = Session(run.command, writes=writes, began=run.began, guards=writes)",
+        "session = Session(run.command, writes=writes, guards=writes)",
         "tests/stop/test_started_before.py::test_a_script_that_slept_through_a_stop_moves_nothing",
     ),
     mistake(
