@@ -142,7 +142,7 @@ def test_move_and_what_it_leaves(start: Start, tmp_path: Path, place: str) -> No
     assert do("restore", tmp_path / "s.json", "--setpoints", "-y").values["yaw_set"] == 10.0
     assert do("diff", tmp_path / "s.json", "--setpoints").rows == []
     assert do("hand-write", "1486", "F401", "-y").rows[0]["raw"] == "F4 01"
-    assert do("set", "move_time=1234").values == {"move_time": 1234}
+    assert do("set", "move_time=1234", "-y").values == {"move_time": 1234}, "asked while the axes are on their way"
 
 
 @pytest.mark.real
