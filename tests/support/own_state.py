@@ -9,6 +9,7 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from unittest import mock
 
 NUMBERS = itertools.count()
 BELOW: list[Path] = []
@@ -31,7 +32,12 @@ def memory() -> str | None:
 @contextmanager
 def scratch() -> Iterator[Path]:
     """A folder for all that this process and its children make for a while: it is gone at the end, after Ctrl-C too."""
-    with tempfile.TemporaryDirectory(dir=memory(), ignore_cleanup_errors=True) as folder:
+    from handctl.system import user_folders  # not sooner, as in `begin`
+
+    with (
+        tempfile.TemporaryDirectory(dir=memory(), ignore_cleanup_errors=True) as folder,
+        mock.patch.object(user_folders, "shared_folder", lambda: folder),
+    ):
         before, tempfile.tempdir = tempfile.tempdir, folder
         try:
             yield Path(folder)

@@ -20,8 +20,10 @@ from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from handctl import __version__
+from handctl.system import user_folders
 from tests.contract.commands import scratch_of
 from tests.contract.facts import facts_of
 from tests.harm.lines import prepare
@@ -138,7 +140,7 @@ def at(scratch: Scratch) -> Iterator[None]:
     }
     (scratch.folder / "own").mkdir(mode=0o700, exist_ok=True)
     before_all = {number: signal.getsignal(number) for number in ENDING}
-    with environment(own):
+    with environment(own), mock.patch.object(user_folders, "shared_folder", lambda: own["HOME"]):
         os.chdir(folder)
         time.tzset()
         signal.signal(signal.SIGINT, signal.default_int_handler)
