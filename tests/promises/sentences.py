@@ -76,7 +76,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "contract/test_contract.py",
         "test_ctrl_c_in_a_movement_sends_its_stop",
     ),
-    "means that the stop was not acknowledged": (
+    "means one of three things: the stop was not acknowledged": (
         "stop/test_stop_sequence.py",
         "test_a_hold_that_is_not_acknowledged_is_no_stop",
     ),
