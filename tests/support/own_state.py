@@ -5,9 +5,10 @@ from __future__ import annotations
 import itertools
 import os
 import shutil
+import sys
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from unittest import mock
 
@@ -32,12 +33,10 @@ def memory() -> str | None:
 @contextmanager
 def scratch() -> Iterator[Path]:
     """A folder for all that this process and its children make for a while: it is gone at the end, after Ctrl-C too."""
-    from handctl.system import user_folders  # not sooner, as in `begin`
-
-    with (
-        tempfile.TemporaryDirectory(dir=memory(), ignore_cleanup_errors=True) as folder,
-        mock.patch.object(user_folders, "shared_folder", lambda: folder),
-    ):
+    with ExitStack() as stack:
+        folder = stack.enter_context(tempfile.TemporaryDirectory(dir=memory(), ignore_cleanup_errors=True))
+        if (shared := sys.modules.get("handctl.system.user_folders")) is not None:  # else it is not used here
+            stack.enter_context(mock.patch.object(shared, "shared_folder", lambda: folder))
         before, tempfile.tempdir = tempfile.tempdir, folder
         try:
             yield Path(folder)
