@@ -31,7 +31,7 @@ from handctl.errors import (
     joined,
 )
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
-from handctl.model.device import question
+from handctl.model.device import NOT_THERE, question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
 from handctl.model.result import Column, Row, Table
 
@@ -63,7 +63,7 @@ def read_values(device: Device, elements: Sequence[Element], needed: Collection[
         raise first.reworded(
             f"{device.link.name}: this firmware does not have {', '.join(whole_names(names, needed))}: {first.text}",
             hint=skipping(names, needed),
-            code="not-on-this-firmware",
+            code=NOT_THERE,
         )
     return {reading.element.full_name: reading.value for reading in readings if reading.value is not None}
 

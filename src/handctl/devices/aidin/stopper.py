@@ -15,6 +15,7 @@ from handctl.devices.aidin.parameter_map import CURRENTS, MOTOR_POS, Mode, movin
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
+from handctl.model.standstill import LOOKS
 from handctl.model.stop_sequence import (
     Pieces,
     StopContext,
@@ -33,8 +34,6 @@ CONFIRM = 60
 """Periods in which the currents may vanish, 1.2 s: also a slow stream has spoken by then."""
 NO_CURRENT = 20
 """2 % of 1000."""
-LOOKS = 3
-"""Silences, with a stop before each, after which a motor may still coast: a second in all."""
 FLOWED, ENDS = "flowed", "ends"
 """Keys of the context: the feedback before the stop showed a current, and it ends without a stop, as that of a movement to a
 place does, so that its end shows nothing."""
