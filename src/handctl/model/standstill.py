@@ -6,10 +6,7 @@ from collections.abc import Callable, Generator, Sequence
 
 from handctl.model.movement import stands_still
 from handctl.model.param import Number
-from handctl.model.stop_sequence import Pieces, Read, Stopped, StopStep, did_not_last, not_seen_again, silence
-
-LOOKS = 3
-"""Pairs of readings, each over `SILENCE`, in one of which it must stand still."""
+from handctl.model.stop_sequence import LOOKS, Pieces, Read, Stopped, StopStep, did_not_last, not_seen_again, silence
 
 
 def check_standing(

@@ -37,6 +37,8 @@ SILENCE = 0.3
 """Seconds without sending before a stopped device is checked again, and between two readings of its position.
 
 By then another master has sent something, and what still moves has gone farther than a reading changes at rest."""
+LOOKS = 3
+"""Times that a stop looks, over `SILENCE` each: what brakes must stand still in one of them."""
 MOST = 65536
 """Most bytes that are read for one reply: a line full of noise must not delay the next step. A silence has its full time."""
 

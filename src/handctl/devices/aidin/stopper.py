@@ -15,8 +15,8 @@ from handctl.devices.aidin.parameter_map import CURRENTS, MOTOR_POS, Mode, movin
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.standstill import LOOKS
 from handctl.model.stop_sequence import (
+    LOOKS,
     Pieces,
     StopContext,
     Stopped,
