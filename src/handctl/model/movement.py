@@ -6,8 +6,8 @@ time is longer: a movement may begin late, or pause. The result is one of
 
     reached   it is at its target
     contact   it stopped before its target, and the device reports an object or a stall, or its current or force shows a push
-    short     it moved, and stopped before its target for no visible reason
-    unmoved   it is not at its target and was not seen to move, for no visible reason
+    short     it moved, and stopped before its target; the device gives no reason
+    unmoved   it is not at its target, and no movement was detected; the device gives no reason
     blocked   it has stopped, and the device reports a fault, such as a locked rotor
     moving    it was not seen at rest for that time when the wait was over: it may still move
     no-speed  it is not at its target, and its set speed is 0

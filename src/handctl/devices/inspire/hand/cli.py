@@ -109,7 +109,7 @@ add_map_verbs(
 )
 
 
-@cli.verb("set", "Settings", writes=True, asks="of an angle or a stroke; of other quantities")
+@cli.verb("set", "Settings", writes=True, asks="(for an angle or a stroke); (for anything else)")
 @click.argument("assignments", nargs=-1, required=True, metavar="NAME[.FINGER]=VALUE...")
 @ALWAYS
 def set_(run: Run, assignments: tuple[str, ...], always: bool = False) -> PlannedAction:
