@@ -218,6 +218,13 @@ def test_a_timeline_of_hours_stays_small_and_keeps_each_refusal() -> None:
 def test_a_histogram_counts_each_value_once() -> None:
     text = histogram("Stride time", "s", [("left", [1.0, 1.0, 1.03, 1.5]), ("right", [])], 0.02)
     assert sorted(found.split(" ")[0] for found in text.split("<title>")[1:]) == ["1", "1", "2"]
+    assert ">0.98<" in text and ">1.08<" in text, "bins begin at round values"
+    one = histogram("Stride time", "s", [("left", [3.004, 2.996, 3.004])], 0.02)
+    assert (
+        "2 from 3.000 s" in one
+        and "1 from 2.980 s" in one
+        and all(f">{edge}<" in one for edge in ("2.96", "2.98", "3.00", "3.02"))
+    )
     assert histogram("Stride time", "s", [("left", [])], 0.02) == bands("Knee", [Band("left", [])]) == ""
 
 

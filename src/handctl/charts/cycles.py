@@ -7,13 +7,15 @@ from math import floor, log10
 from typing import NamedTuple
 
 from handctl.charts.curves import STYLE as CURVES
-from handctl.charts.curves import TONES, Box, escape, moment, ticks, times
+from handctl.charts.curves import Box, escape, moment, ticks, times
 
 WIDE, HIGH, LEFT, TOP, FOOT = 400, 210, 52, 30, 34
 """A picture of curves or of a histogram, and the room around what is drawn."""
 LONG, ROW, NAME = 960, 24, 52
 """A timeline: its width, a row, the room for the name of a row."""
-MOST_BINS = 24
+MOST_BINS = 25
+WARM = (1, 0, 3, 4, 5, 6, 7)
+"""Tones of what is refused: no green."""
 STYLE = CURVES + (
     ".cycles{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:.6rem}"
     ".cycles polygon,.cycles rect{stroke:none}polygon{fill-opacity:.16}.second{stroke-dasharray:6 3}polyline{stroke-width:1.8}"
@@ -51,17 +53,18 @@ def bands(title: str, curves: Sequence[Band]) -> str:
 
 
 def histogram(title: str, unit: str, groups: Sequence[tuple[str, Sequence[float]]], fine: float) -> str:
-    """How often which value came, in bins no finer than `fine`; "" without values."""
+    """How often which value came, in bins no finer than `fine` that begin at round values, an empty one at each end; "" without values."""
     values = [value for _, group in groups for value in group]
     if not values:
         return ""
-    low, high = min(values), max(values)
-    size = max(fine, (high - low) / MOST_BINS)
-    bins = floor((high - low) / size + 1e-6) + 1
+    sizes = (fine * step * 10**power for power in range(9) for step in (1, 2, 5))
+    size = next(size for size in sizes if max(values) - min(values) <= MOST_BINS * size + 1e-9)
+    first = floor(min(values) / size + 1e-6) - 1
+    bins = floor(max(values) / size + 1e-6) - first + 2
     counts = [[0] * bins for _ in groups]
     for number, (_, group) in enumerate(groups):
         for value in group:
-            counts[number][min(bins - 1, floor((value - low) / size + 1e-6))] += 1
+            counts[number][floor(value / size + 1e-6) - first] += 1
     most = max(map(max, counts))
     box = Box(LEFT, TOP, WIDE - LEFT - 20, HIGH - TOP - FOOT, bins * size, 0, most)
     pieces = _values(box)
@@ -72,13 +75,13 @@ def histogram(title: str, unit: str, groups: Sequence[tuple[str, Sequence[float]
                 x, y = box.x(at * size) + number * broad, box.y(count)
                 pieces.append(
                     f'<rect class="c{number}{_second(number)}" x="{x:.1f}" y="{y:.1f}" width="{max(1, broad - 1):.1f}" '
-                    f'height="{box.top + box.height - y:.1f}"><title>{count} from {low + at * size:.3f} {escape(unit)}</title></rect>'
+                    f'height="{box.top + box.height - y:.1f}"><title>{count} from {(first + at) * size:.3f} {escape(unit)}</title></rect>'
                 )
     digits = max(0, -floor(log10(size))) if size < 1 else 0
     for at in range(0, bins, max(1, -(-bins // 6))):
-        pieces.append(_below(box, box.x((at + 0.5) * size), f"{low + at * size:.{digits}f}"))
+        pieces.append(_below(box, box.x(at * size), f"{(first + at) * size:.{digits}f}"))
     told = "; ".join(f"{name} {len(group)}" for name, group in groups)
-    return _picture(f"{title} [{unit}]", [name for name, _ in groups], pieces, told)
+    return _picture(f"{title} [{unit}]", [name for name, _ in groups], pieces, told, bars=True)
 
 
 def timeline(title: str, rows: Sequence[tuple[str, Sequence[tuple[float, float, str]]]], reasons: Sequence[str], begin: float, end: float) -> str:  # fmt: skip
@@ -91,7 +94,7 @@ def timeline(title: str, rows: Sequence[tuple[str, Sequence[tuple[float, float, 
         pieces.append(f'<text class="small end" x="{NAME - 6}" y="{top + 15}">{escape(name)}</text>')
         for first, last, why in _joined(spans, seconds / box.width):
             x = box.x(first - begin)
-            tone = f"c{reasons.index(why) % TONES}" if why else "well"
+            tone = _tone(reasons.index(why)) if why else "well"
             said = f"{why}: {first:.2f} s to {last:.2f} s" if why else f"counted, {first:.2f} s to {last:.2f} s"
             pieces.append(
                 f'<rect class="{tone}" x="{x:.1f}" y="{top}" width="{max(1.0, box.x(last - begin) - x - 0.5):.1f}" '
@@ -102,7 +105,7 @@ def timeline(title: str, rows: Sequence[tuple[str, Sequence[tuple[float, float, 
     legend = "".join(
         f'<svg viewBox="0 0 10 10" style="display:inline-block;width:.7em;height:.7em" aria-hidden="true">'
         f'<rect class="{tone}" width="10" height="10"/></svg> {escape(why)} &nbsp; '
-        for tone, why in [("well", "counted"), *((f"c{at % TONES}", why) for at, why in enumerate(reasons))]
+        for tone, why in [("well", "counted"), *((_tone(at), why) for at, why in enumerate(reasons))]
     )
     return (
         f'<p class="note">{legend}</p>\n<div class="scroll"><svg viewBox="0 0 {LONG} {height:g}" role="img" '
@@ -119,6 +122,10 @@ def _joined(spans: Sequence[tuple[float, float, str]], pixel: float) -> list[tup
         else:
             found.append((first, last, why))
     return found
+
+
+def _tone(reason: int) -> str:
+    return f"c{WARM[reason % len(WARM)]}"
 
 
 def _second(tone: int) -> str:
@@ -144,11 +151,12 @@ def _below(box: Box, x: float, text: str) -> str:
     return f'<text class="small mid" x="{x:.1f}" y="{box.top + box.height + 15:.1f}">{escape(text)}</text>'
 
 
-def _picture(title: str, names: Sequence[str], pieces: Sequence[str], told: str) -> str:
+def _picture(title: str, names: Sequence[str], pieces: Sequence[str], told: str, bars: bool = False) -> str:
     x = 14 + 8 * len(title)
     head = [f'<text class="head" x="0" y="16">{escape(title)}</text>']
     for tone, name in enumerate(names):
-        head.append(f'<path class="c{tone}{_second(tone)}" stroke-width="3" d="M{x} 12h22"/>')
+        shape = f'rect x="{x}" y="6" width="22" height="11"' if bars else f'path stroke-width="3" d="M{x} 12h22"'
+        head.append(f'<{shape} class="c{tone}{_second(tone)}"/>')
         head.append(f'<text x="{x + 26}" y="16">{escape(name)}</text>')
         x += 42 + 7 * len(name)
     label = escape(f"{title}: {told}")

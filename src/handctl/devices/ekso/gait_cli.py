@@ -80,8 +80,8 @@ def add_gait(group: Group) -> None:
         _tell(run, later, after, second)
         changed = _settings(source.sidecar, after.sidecar)
         rows = [
-            {"name": one.before.name, "side": one.before.side, "before": round(one.before.mean, 3),
-             "after": round(one.after.mean, 3), "change": round(one.change, 3), "interval": round(one.error, 3),
+            {"name": one.before.name, "side": one.before.side, "before": round(one.before.mean, 3) + 0.0,
+             "after": round(one.after.mean, 3) + 0.0, "change": round(one.change, 3) + 0.0, "interval": round(one.error, 3),
              "unit": one.before.unit, "clear": "yes" if one.clear else "no"}
             for one in compared(walk, second)
         ]  # fmt: skip
@@ -93,7 +93,7 @@ def add_gait(group: Group) -> None:
 
 
 def _figure(one: Figure) -> Row:
-    return {"name": one.name, "side": one.side, "value": round(one.mean, 3), "deviation": round(one.deviation, 3),
+    return {"name": one.name, "side": one.side, "value": round(one.mean, 3) + 0.0, "deviation": round(one.deviation, 3),
             "strides": one.strides, "unit": one.unit}  # fmt: skip
 
 
