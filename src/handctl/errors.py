@@ -254,7 +254,7 @@ STOPPED = "stopped"
 
 
 class Interrupted(HandctlError):
-    """Ended by Ctrl-C, by `S` in a live view, or by a `handctl stop` from elsewhere: the stop was acknowledged, or nothing had been set in motion. Exit code 130."""
+    """Ended by Ctrl-C, by `S` in a live view, or by a `handctl stop` from elsewhere, and either the device acknowledged the stop or nothing had been set in motion. Exit code 130."""
 
     exit_code = 130
     default_code = "interrupted"

@@ -82,7 +82,7 @@ MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     ),
     "usual": lambda _tree: _markdown(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS)),
     "exceptions": lambda _tree: _markdown(
-        ("device", "promise", "exception", "reason"),
+        ("device", "rule", "does not apply to", "reason"),
         ((f"`{row.family}`", WORDS[row.promise], row.where, row.why) for row in exceptions()),
     ),
 }

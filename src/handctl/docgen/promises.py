@@ -10,14 +10,14 @@ from handctl.docgen.readme_troubleshooting import SYMPTOMS
 from handctl.families import FAMILIES
 
 WORDS = {
-    "verb": "has the command",
-    "option": "accepts the option",
-    "arrival": "fails with exit code 7 if the target is not reached",
-    "expect": "accepts --expect",
-    "leave-alone": "accepts -1 to leave a finger alone",
-    "settings": "compares and restores settings",
-    "model": "shows its model in JSON",
-    **{row.key: f"README's troubleshooting: {row.said}" for row in SYMPTOMS},
+    "verb": "every device has the command",
+    "option": "every device accepts the option",
+    "arrival": "a movement ends with exit code 7 if the target is not reached",
+    "expect": "a movement command accepts `--expect`",
+    "leave-alone": "-1 leaves a finger alone",
+    "settings": "settings can be compared and restored",
+    "model": "a device shows its model in JSON",
+    **{row.key: f"the README's advice for {row.said}" for row in SYMPTOMS},
 }
 """Key of a promise -> its text in the table of exceptions."""
 
