@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from handctl.docgen.promises import WORDS, exceptions
+from handctl.docgen.promises import exceptions
 from tests.promises.cells import tried
 from tests.promises.tables import TABLES
 from tests.support import own_state
@@ -40,7 +40,7 @@ def main() -> int:
     rows = list(exceptions())
     print(f"{count} cells, {bad} broken, {len(rows)} exceptions:")
     for row in rows:
-        print(f"  {row.family}: {WORDS[row.promise]}: not {row.where}. {row.why}")
+        print(f"  {row.family}: {row.promise}: not {row.where}. {row.why}")
     return bool(bad)
 
 

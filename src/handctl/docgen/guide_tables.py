@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from handctl import guides
 from handctl.docgen.man_pages import exit_codes
 from handctl.docgen.man_sections import LINKS
-from handctl.docgen.promises import WORDS, exceptions
+from handctl.docgen.promises import exceptions
 from handctl.docgen.read_command_tree import Node
 from handctl.docgen.readme_commands import VERBS
 from handctl.docgen.readme_troubleshooting import SYMPTOMS
@@ -82,8 +82,8 @@ MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     ),
     "usual": lambda _tree: _markdown(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS)),
     "exceptions": lambda _tree: _markdown(
-        ("device", "rule", "does not apply to", "reason"),
-        ((f"`{row.family}`", WORDS[row.promise], row.where, row.why) for row in exceptions()),
+        ("device", "command or option", "what is different"),
+        ((f"`{row.family}`", row.where, row.why) for row in exceptions()),
     ),
 }
 

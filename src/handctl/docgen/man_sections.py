@@ -2,7 +2,7 @@
 
 A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
 `manpage`: FILES as here, EXAMPLES as in `command.help_text`, and `section() -> title, paragraphs, (term, text, lines) items` where
-it has more to say; EXCEPTIONS are rows of (key of a promise, commands or options that it does not cover, reason), see `promises`.
+it has more to say; EXCEPTIONS are rows of (key of a promise, commands or options that it does not cover, what they do instead and why), see `promises`.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ LINKS = (
     ),
     (
         "fake://DEVICE[?KEY=VALUE&...]",
-        "The simulator in this process, which starts over each time. The keys are listed in handctl-sim(1). Plain `--fake` "
+        "A simulator inside the handctl command itself, which starts afresh with each command. The keys are listed in handctl-sim(1). Plain `--fake` "
         "keeps the device's state until you log out.",
     ),
     ("replay:FILE", "A transcript recorded with `--trace`, replayed in place of the device."),

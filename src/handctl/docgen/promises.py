@@ -6,24 +6,11 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from handctl.command.family import page_of
-from handctl.docgen.readme_troubleshooting import SYMPTOMS
 from handctl.families import FAMILIES
-
-WORDS = {
-    "verb": "every device has the command",
-    "option": "every device accepts the option",
-    "arrival": "a movement ends with exit code 7 if the target is not reached",
-    "expect": "a movement command accepts `--expect`",
-    "leave-alone": "-1 leaves a finger alone",
-    "settings": "settings can be compared and restored",
-    "model": "a device shows its model in JSON",
-    **{row.key: f"the README's advice for {row.said}" for row in SYMPTOMS},
-}
-"""Key of a promise -> its text in the table of exceptions."""
 
 
 class Exempt(NamedTuple):
-    """An exception from a promise: the family, the commands or options, and the reason."""
+    """An exception from a promise: the family, the key of the promise, the commands or options, and what they do instead, and why."""
 
     family: str
     promise: str

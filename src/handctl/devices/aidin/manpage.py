@@ -4,12 +4,28 @@ from handctl.devices.aidin.exchange_settings import section
 from handctl.families import FAMILIES
 
 EXCEPTIONS = (
-    ("verb", "`set`, `snapshot`, `diff`, `restore`", "The hand does not store settings."),
-    ("option", "`--id`, `--baud`", "The hand is on the network and has an address instead."),
+    (
+        "verb",
+        "`set`, `snapshot`, `diff`, `restore`",
+        "The hand does not have these commands, because it does not store settings.",
+    ),
+    (
+        "option",
+        "`--id`, `--baud`",
+        "The hand does not accept these options: it is on the network and has an address instead.",
+    ),
     ("no-port", "`/dev/ttyUSB0`", "The hand has no serial port: a serial link is refused with exit code 2."),
-    ("arrival", "`currents`", "A current has no target."),
-    ("expect", "`home`, `initial`", "They have their own check: each motor must come to rest at its origin."),
-    ("expect", "`check`", "`check` itself tests whether a motor reaches its target."),
+    (
+        "arrival",
+        "`currents`",
+        "A current has no target, so the command does not end with exit code 7 because of a target that was not reached.",
+    ),
+    (
+        "expect",
+        "`home`, `initial`",
+        "They do not accept `--expect`, because they have their own check: each motor must come to rest at its origin.",
+    ),
+    ("expect", "`check`", "It does not accept `--expect`, because it tests itself whether a motor reaches its target."),
 )
 DRY = (
     "initial",

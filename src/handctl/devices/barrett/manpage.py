@@ -9,9 +9,17 @@ FILES = (
     ("$XDG_STATE_HOME/handctl/gcl-history", "The lines typed at the `gcl` prompt."),
 )
 EXCEPTIONS = (
-    ("option", "`--id`", "GCL has no device ids."),
-    ("arrival", "`torque-open`, `torque-close`", "They close or open until the motors stall, and have no target."),
-    ("arrival", "`init`", "HI treats the position at which a motor stalls as its end stop, wherever that is."),
+    ("option", "`--id`", "The hand does not accept this option: GCL has no device ids."),
+    (
+        "arrival",
+        "`torque-open`, `torque-close`",
+        "They close or open until the motors stall. They have no target, so they do not end with exit code 7 because of a target that was not reached.",
+    ),
+    (
+        "arrival",
+        "`init`",
+        "HI treats the position at which a motor stalls as its end stop, wherever that is. So it does not end with exit code 7 if something blocks a finger.",
+    ),
     (
         "hot",
         "`status --check`",

@@ -8,7 +8,7 @@ FILES = (
         "The audit log: who changed which setting. The default folder is ~/.local/state.",
     ),
 )
-EXCEPTIONS = (("option", "`--id`", "The DataPort has no device ids."),)
+EXCEPTIONS = (("option", "`--id`", "The device does not accept this option: the DataPort has no device ids."),)
 EXAMPLES = (
     ("handctl ekso status -p /dev/ttyACM0 --json", "Show a health summary, for a script."),
     ("handctl ekso status --fake", "Use the simulated DataPort."),

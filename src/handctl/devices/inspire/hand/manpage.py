@@ -7,7 +7,7 @@ EXCEPTIONS = (
     (
         "other-family",
         "`wrist`",
-        "If a hand carries a wrist module, both reply: `handctl hand` then reads the hand, without this message.",
+        "If a hand carries a wrist module, both reply: `handctl hand` then reads the hand, without the message `this is a wrist module`.",
     ),
 )
 EXAMPLES = (

@@ -4,9 +4,9 @@ EXCEPTIONS = (
     (
         "settings",
         "`diff`, `restore`",
-        "The module does not store settings: exit code 2. With `--setpoints`, they use the set points.",
+        "The module stores no settings, so these commands end with exit code 2. With `--setpoints`, they use the set points instead.",
     ),
-    ("hot", "`clear-errors`", "The manual has no command to clear the module's errors."),
+    ("hot", "`clear-errors`", "The module does not have this command: its manual has none that clears errors."),
 )
 SNAPSHOT_OPTION = " --setpoints"
 """In the examples of `diff` and `restore`: a wrist has nothing else to compare."""
