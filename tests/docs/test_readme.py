@@ -31,7 +31,7 @@ FENCED = re.compile(r"^```\w*\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 PROGRAM = re.compile(r"^```python.*?\n.*?^```$", re.MULTILINE | re.DOTALL)
 """Holds no command line; `test_library_guide` and `test_readme_recipes` run these."""
 INDENTED = re.compile(r"^    (\S.*)$", re.MULTILINE)
-SPAN = re.compile(r"(?<!`)`([^`\n]*\bhandctl [^`\n]+)`(?!`)")
+SPAN = re.compile(r"(?<!`)`([^`\n]+)`(?!`)")
 OPERATORS = frozenset("();<>|&")
 MEANINGS = {
     0: "Done", 1: "bug", 2: "outside the documented range", 3: "link", 4: "did not reply", 5: "no valid reply", 6: "refused",
@@ -67,7 +67,9 @@ def examples(text: str) -> list[tuple[str, ...]]:
     text = PROGRAM.sub("", text)
     lines = [line for block in FENCED.findall(text) for line in block.replace("\\\n", " ").splitlines()]
     lines += INDENTED.findall(FENCED.sub("", text))
-    lines += [span for span in SPAN.findall(FENCED.sub("", text)) if "…" not in span]
+    lines += [
+        span for span in SPAN.findall(FENCED.sub("", text)) if re.search(r"\bhandctl .", span) and "…" not in span
+    ]
     return list(dict.fromkeys(tuple(words) for line in lines for words in commands_in(line)))
 
 

@@ -34,7 +34,7 @@ SYMPTOMS = (
     Symptom("not-initialized", "`Motor not initialized`", 6, "A BarrettHand must be initialized (HI) after power-on.", "`handctl barrett init -p /dev/ttyUSB0`"),
     Symptom("not-reached", "`not reached`", 7, "A finger is blocked, or an AIDIN-hand has not been homed since power-on.", "Free the finger, or home the hand: `handctl aidin home -p tcp://192.168.0.10`"),
     Symptom("hot", "`over_temperature` stays", None, "No command clears it. It goes away once the actuator has cooled down.", "Let it cool. `handctl exo clear-errors -p /dev/ttyUSB0` clears the other errors and shows any that remain"),
-    Symptom("not-saved", "the old id or baud rate is back", None, "The new one has not been saved.", "Set it again, run `handctl exo save -p /dev/ttyUSB0` (if you changed the id, with `--id` and the new id), then power-cycle the device"),
+    Symptom("not-saved", "the old id or baud rate is back", None, "The new one has not been saved.", "Set it again, run `handctl exo save -p /dev/ttyUSB0` (add `--id` and the new id if you changed the id), then power-cycle the device"),
     Symptom("out-of-range", "`out of range`", 2, "The value is outside the documented range.", "Look up the range with `handctl exo describe`"),
     Symptom("not-confirmed", "not confirmed", 8, "The command moves or changes a device, and it was not confirmed.", "Run it with `--dry-run` (`-n`) to see the bytes, then with `--yes`"),
     Symptom("wrong-values", "the values look wrong", None, "Corrupted data, or a different device. A recording of the bytes shows which of the two it is.", "`handctl exo status -p /dev/ttyUSB0 --trace run.txt`, then `handctl trace show run.txt`"),
