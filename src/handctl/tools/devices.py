@@ -19,10 +19,9 @@ from handctl.command.command_tree import Group
 from handctl.command.config import DEVICE_KEYS, Config, Device, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family, refuse_missing, refuse_serial
-from handctl.command.option_types import InFile
-from handctl.command.options import COMMAND_LINE, Source, command_line, own_options
+from handctl.command.invocation import resolve
+from handctl.command.options import COMMAND_LINE, InFile, Source, command_line, own_options
 from handctl.command.run import Run
-from handctl.command.settings_precedence import resolve
 from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import BYTE_ORDER_MARK, read_text, text_lines

@@ -13,8 +13,17 @@ from handctl.command import get_set_watch, snapshots
 from handctl.command.command_tree import Command, Group
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, OutFile
-from handctl.command.options import EXPORTS_LISTED, LOG, RESAMPLE, SEGMENT, SKIP, FamilyOption, log_options
+from handctl.command.options import (
+    EXPORTS_LISTED,
+    LOG,
+    RESAMPLE,
+    SEGMENT,
+    SKIP,
+    FamilyOption,
+    InFile,
+    OutFile,
+    log_options,
+)
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort

@@ -16,8 +16,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.option_types import NEGATIVE_NUMBERS, SECONDS
-from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, REPLY_WAIT, streaming
+from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS, streaming
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.detect_generation import ModelGate
