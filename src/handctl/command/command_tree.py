@@ -26,6 +26,7 @@ from handctl.command.options import (
     OutFile,
     SharedOption,
     command_line,
+    lacking,
     own_options,
     shared_options,
 )
@@ -122,7 +123,7 @@ class Described(click.Command):
         if self.offline:
             keys |= {"", "assume_identity"}
         if self.family is not None:
-            keys |= {*self.family.lacks}
+            keys |= {*lacking(self.family)}
         return frozenset(keys)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl.command.family import Family, in_words, load, on_can, refuse_missing, refuse_serial, wire_in
+from handctl.command.family import Family, in_words, load, on_can, wire_in
 from handctl.command.options import (
     COMMAND_LINE,
     ENVIRONMENT,
@@ -29,6 +29,7 @@ from handctl.command.options import (
     Source,
     command_line,
     lasting_options,
+    refuse_lacking,
     words_of,
 )
 from handctl.command.terminal_prompts import TerminalPrompts, print_message
@@ -245,7 +246,7 @@ def check_before(run: Invocation) -> None:
     if run.settings.append or run.settings.time:
         _check_columns(run)
     if run.family is not None:
-        refuse_missing(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
+        refuse_lacking(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
         if run.family.check is not None:
             run.family.check(run.settings)
 
@@ -344,6 +345,15 @@ def refuse_other_family(run: Invocation) -> None:
         hint=Hint(f"use `handctl {kind} …` for {name}, or see {{}} for the others", "devices list"),
         code="wrong-family",
     )
+
+
+def refuse_serial(family: Family, link: str) -> None:
+    """Raise UsageError for a serial port where this family has TCP only."""
+    from handctl.link.link_interface import path_in
+
+    if family.tcp_port is not None and not family.wires and (path_in(link) or link.startswith("usb:")):
+        hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
+        raise UsageError(f"{link}: {family.kind} has no serial port", hint=hint)
 
 
 def unsent(journal: Journal) -> str:

@@ -5,9 +5,9 @@ The level nearest the verb wins; `command.invocation.resolve` adds the environme
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache, reduce
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -15,6 +15,9 @@ from handctl.errors import UsageError
 from handctl.families import FAMILIES, HISTORY, OwnOption
 from handctl.fast_classes import NamedTuple
 from handctl.model.export_formats import FORMATS as EXPORT_FORMATS
+
+if TYPE_CHECKING:
+    from handctl.command.family import Family
 
 # -- numbers, whose messages say what they accept --------------------------------------------------------------------
 
@@ -291,6 +294,18 @@ def own_options(kind: str = "") -> tuple[OwnOption, ...]:
     rows = [FAMILIES[kind]] if kind else FAMILIES.values()
     found = [option for row in rows for option in row.options if not option.asked]
     return tuple(sorted(found, key=lambda option: not option.named))
+
+
+def lacking(family: Family) -> dict[str, str]:
+    """What the protocol of a family does not have: the key of the option -> its name."""
+    return ({} if family.ids else {"id": "device ids"}) | ({"baud": "serial port"} if family.baud is None else {})
+
+
+def refuse_lacking(family: Family, given: Collection[str]) -> None:
+    """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
+    for key, what in lacking(family).items():
+        if key in given:
+            raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
 
 
 @cache

@@ -219,15 +219,13 @@ class Run(Invocation):
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
-        if self.opened is None:
-            link, before = self.open_link(), self.before
-            same = before is not None and before.link is link and before.again(self.journal)
-            self.opened = before if same else self._opened(link)
-        return self.opened
-
-    def _opened(self, link: Link) -> Any:
+        if self.opened is not None:
+            return self.opened
+        link, before, settings = self.open_link(), self.before, self.settings
+        if before is not None and before.link is link and before.again(self.journal):
+            self.opened = before
+            return before
         assert self.family is not None
-        settings = self.settings
         if self.writes:
             settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
         opened = self.family.open(link, settings, self.journal)
@@ -237,6 +235,7 @@ class Run(Invocation):
             from handctl.model.facts_file import words
 
             self.journal.info("facts-used", words(facts, str(settings.facts)))
+        self.opened = opened
         return opened
 
     def device_at(self, link: str, **settings: Any) -> Any:

@@ -41,7 +41,7 @@ from handctl.errors import (
 )
 from handctl.model.device import Device
 from handctl.model.explainer import HOST
-from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
 from handctl.wording import plural
 
@@ -292,7 +292,7 @@ class Ekso(Device):
         if wrong:
             text = f"{self.link.name}: the device's {clock.name} is impossible: {', '.join(wrong)}"
             self.journal.warn("clock", text)
-        return Reading(elements_of(clock)[0], int.from_bytes(body[:3], "big"), body)
+        return Reading(clock.each[0], int.from_bytes(body[:3], "big"), body)
 
     def clock_row(self, what: str) -> Row:
         """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""

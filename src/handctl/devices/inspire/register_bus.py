@@ -336,12 +336,19 @@ class ByteBus(RegisterBus):
     """Whether unread input was discarded a moment ago."""
 
     def drain(self) -> bytes:
-        """Discard unread input, such as late replies. Returns and counts it."""
+        """Discard unread input, such as late replies. Returns and counts it. A second reply to the last read with other data is told."""
         if self._empty:
-            self._empty = False
+            self._empty, self._last.reply = False, None
             return b""
         stale, self._rest = self._rest, b""
         while len(stale) <= MOST and (chunk := self.link.read(self.link.at_once)):
             stale += chunk
         self.journal.counters.stray_bytes += len(stale)
+        replied, self._last.reply = self._last.reply, None
+        if stale and replied is not None:
+            self._look_for_second(replied, stale)
         return stale
+
+    @abstractmethod
+    def _look_for_second(self, replied: Any, data: bytes) -> None:
+        """Tell where `data` has another reply to a read than `replied`, which was taken, with other values."""

@@ -327,28 +327,27 @@ class SerialBus(ByteBus):
             self._disturbed = _begins_request(came[:JUDGED].removeprefix(request))
             raise self._failure(request, came, started)
         self._rest, self._disturbed, self._slow = decoder.rest(), False, False
-        if decoder.skipped:
+        if decoder.skipped and replied is not None:
             self._look_for_second(replied, came)
         if request[4] == self.read_flag:
             self._last.reply = (prefixes[0], frame)
             if self._rest:
                 self._look_for_second(self._last.reply, self._rest)
         self.round_trip = self.link.now() - started
-        self._learn(request, came, decoder.skipped, pieces)
+        # What a good exchange shows of the line.
+        line, size = self.journal.line, len(came)
+        if size < SHORT + len(request):
+            line.trips.add(self.round_trip)
+        if size >= SHORT and not decoder.skipped:
+            line.pieces(pieces)
+        if line.echo is None:
+            line.echo = came.startswith(request)
+        if decoder.skipped and others_speak(request, came):
+            line.others = True
         return frame
 
-    def drain(self) -> bytes:
-        """See ByteBus. A second reply to the last read with other data is told."""
-        stale = super().drain()
-        if stale:
-            self._look_for_second(self._last.reply, stale)
-        self._last.reply = None
-        return stale
-
-    def _look_for_second(self, replied: tuple[bytes, Frame] | None, data: bytes) -> None:
-        """Tell where `data` has another reply to a read than the one that was taken, with other values; `replied`: how it begins, and it."""
-        if replied is None:
-            return
+    def _look_for_second(self, replied: tuple[bytes, Frame], data: bytes) -> None:
+        """See ByteBus. `replied`: how the reply begins, and it."""
         prefix, frame = replied
         decoder = Decoder([prefix])
         decoder.feed(data[:JUDGED])
@@ -390,18 +389,6 @@ class SerialBus(ByteBus):
         end = self.deadline(SPEAKS_SECONDS)
         while not end.expired and (stray := self.link.read(self.link.deadline(PAUSE_SECONDS).earlier(end))):
             self.journal.counters.stray_bytes += len(stray)
-
-    def _learn(self, request: bytes, received: bytes, skipped: int, pieces: Sequence[int]) -> None:
-        """What a good exchange shows of the line."""
-        line, size = self.journal.line, len(received)
-        if size < SHORT + len(request) and self.round_trip is not None:
-            line.trips.add(self.round_trip)
-        if size >= SHORT and not skipped:
-            line.pieces(pieces)
-        if line.echo is None:
-            line.echo = received.startswith(request)
-        if skipped and others_speak(request, received):
-            line.others = True
 
     def send(self, request: bytes, deadline: Deadline | None = None) -> None:
         """Write one or more request frames, or whatever bytes."""
