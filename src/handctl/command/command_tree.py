@@ -67,9 +67,9 @@ class NoCommand(click.UsageError):
     """A group was called without a command: the message is its help, for stderr."""
 
 
-def need_command(ctx: click.Context, args: Sequence[str]) -> None:
-    """For a group, before it is parsed: click 8.1 would take its help for what was asked, 8.2 and later do not."""
-    if not args and not ctx.resilient_parsing:
+def need_command(ctx: click.Context) -> None:
+    """For a group without arguments, before it is parsed: click 8.1 would take its help for what was asked, 8.2 and later do not."""
+    if not ctx.resilient_parsing:
         raise NoCommand(ctx.get_help(), ctx)
 
 
@@ -90,7 +90,8 @@ def plain_help(command: click.Command) -> None:
         parse = command.parse_args
 
         def parse_args(ctx: click.Context, args: list[str]) -> list[str]:
-            need_command(ctx, args)
+            if not args:
+                need_command(ctx)
             return parse(ctx, args)
 
         command.parse_args = parse_args  # type: ignore[method-assign]
@@ -269,7 +270,8 @@ class Group(Described, click.Group):
         self.family = family
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        need_command(ctx, args)
+        if not args:
+            need_command(ctx)
         told = command_line(ctx)
         told.words = told.words if ctx.parent is not None else tuple(args)
         told.stopping = "stop" in args

@@ -486,7 +486,7 @@ _listed = [
     f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})"
     for name, one in EXPORT_FORMATS.items()
 ]
-EXPORTS_LISTED = f"{', '.join(_listed[:-1])} or {_listed[-1]}."
+EXPORTS = f"{', '.join(_listed[:-1])} or {_listed[-1]}."
 """What --to offers every family, in its help."""
 SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
 RESAMPLE = click.option(
@@ -497,7 +497,7 @@ RESAMPLE = click.option(
 )
 export_options = combined_options(
     LOG,
-    click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=f"Output: {EXPORTS_LISTED}"),
+    click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=f"Output: {EXPORTS}"),
     SEGMENT,
     RESAMPLE,
 )

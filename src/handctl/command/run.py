@@ -275,10 +275,10 @@ class Run(Invocation):
     @property
     def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
-        for run in (self, *self.others):
-            if (stopped := run.connection.stopped) is not None:
-                return stopped
-        return None
+        stopped = self.connection.stopped
+        for other in self.others:
+            stopped = stopped or other.connection.stopped
+        return stopped
 
     @contextmanager
     def viewed(self, pressed: Callable[[str], bool]) -> Iterator[bool]:

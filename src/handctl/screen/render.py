@@ -474,24 +474,18 @@ def _grids(table: Table, sink: Sink, context: Context) -> None:
     for number, grid in enumerate(grids):
         if number:
             sink.write("\n")
-        for line in _aligned_lines(grid, mark):
-            sink.write(line)
+        lines = [
+            grid.headings,
+            *([cell.text if isinstance(cell, Cell) else cell for cell in line] for line in grid.lines),
+        ]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        columns = [Column("", right=position in grid.right) for position in range(len(widths))]
+        if grid.title:
+            sink.write(f"{grid.title}{f'  ({mark})' if mark else ''}\n")
+        sink.write("".join(_aligned_line(line, widths, columns) for line in lines))
+        sink.write("".join(f"{note}\n" for note in grid.notes))
     if mark and not any(grid.title for grid in grids):
         sink.write(f"({mark})\n")
-
-
-def _aligned_lines(grid: Grid, mark: str) -> Iterator[str]:
-    """The lines of a grid; its title contains `mark` ("simulated")."""
-    lines = [[cell.text if isinstance(cell, Cell) else cell for cell in line] for line in grid.lines]
-    lines.insert(0, list(grid.headings))
-    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
-    columns = [Column("", right=position in grid.right) for position in range(len(widths))]
-    if grid.title:
-        yield f"{grid.title}{f'  ({mark})' if mark else ''}\n"
-    for line in lines:
-        yield _aligned_line(line, widths, columns)
-    for note in grid.notes:
-        yield f"{note}\n"
 
 
 def _aligned_line(texts: Sequence[str], widths: Sequence[int], columns: Sequence[Column]) -> str:

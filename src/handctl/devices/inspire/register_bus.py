@@ -66,13 +66,8 @@ def question(device_id: int, flag: int, *, other: bool = False) -> Span:
     return (quiet or spans[:1])[-1 if other else 0]
 
 
-AHEAD = {19200: 1, 57600: 2, 921600: 32}
-"""bit/s -> how many 00 go ahead of a read: it ends within a byte that they have begun, and none begins at its end."""
-
-
-def ahead(baud: int | None) -> bytes:
-    """Bytes sent before a read at a baud rate at which no device has replied yet; None = the port has no baud rate."""
-    return bytes(AHEAD.get(baud or 0, 0))
+AHEAD: dict[int | None, bytes] = {19200: bytes(1), 57600: bytes(2), 921600: bytes(32)}
+"""bit/s -> what is sent before a read as long as no device has replied: it ends within a byte that this has begun, and none begins at its end."""
 
 
 # -- one device id ----------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.register_bus import FEWER, FRESH, FRESH_SHORT, ByteBus, ahead, question
+from handctl.devices.inspire.register_bus import AHEAD, FEWER, FRESH, FRESH_SHORT, ByteBus, question
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
@@ -361,7 +361,8 @@ class SerialBus(ByteBus):
 
         Part of an answer, with no more junk ahead of it, may go on coming for `patience` seconds after the deadline.
         """
-        received, pieces = bytearray(), list[int]()
+        received = bytearray()
+        pieces: list[int] = []
         last, trickles, junk = deadline.at + patience, False, 0
         while True:
             try:
@@ -402,7 +403,7 @@ class SerialBus(ByteBus):
         link = self.link
         if self._met or not link.can_set_baud or not eb90.only_reads(request):
             return b""
-        first = ahead(link.baud)
+        first = AHEAD.get(link.baud, b"")
         return first if not link.replayed or link.is_next_recorded(first + request) else b""
 
     def pace(self, seconds: float) -> float | None:
