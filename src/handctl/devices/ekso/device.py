@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.frames import READS, START_MOVEMENT, Command, cancel_body, status_text
+from handctl.devices.ekso.frames import READS, START_MOVEMENT, Command, cancel_body, status_text, unpack
 from handctl.devices.ekso.parameter_map import (
     CLOCKS,
     DATA,
@@ -20,12 +20,12 @@ from handctl.devices.ekso.parameter_map import (
     MESSAGES,
     NAMED,
     NOTHING_SENT,
+    SIGNS,
     Clock,
     Word,
     boot_ms,
     boot_text,
     days_of,
-    raws_in,
 )
 from handctl.devices.ekso.setting_change import Change
 from handctl.errors import (
@@ -202,7 +202,7 @@ class Ekso(Device):
 
     def words(self, message: str) -> tuple[int, ...]:
         """The words of a message as raw integers in their fields' own sign."""
-        raws = raws_in(message, self.port.read(READS[message]).body)
+        raws = unpack(self.port.read(READS[message]).body, SIGNS[message])
         if message == "settings":
             self.known = raws
         return raws

@@ -167,9 +167,9 @@ def cancel_body(word: int = DEFAULT_CANCEL_WORD) -> bytes:
     return struct.pack(">H", word)
 
 
-def unpack(body: bytes) -> tuple[int, ...]:
-    """The signed 16-bit words of a body, high byte first."""
-    return struct.unpack(f">{len(body) // 2}h", body[: len(body) // 2 * 2])
+def unpack(body: bytes, signs: str = "") -> tuple[int, ...]:
+    """The 16-bit words of a body, high byte first: signed, or each with its own of `signs`, h for signed and H for unsigned."""
+    return struct.unpack(">" + (signs or "h" * (len(body) // 2)), body[: len(body) // 2 * 2])
 
 
 def name_of(command: int) -> str:

@@ -7,7 +7,6 @@ Knows no wire.
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal, InvalidOperation
 from typing import Any
@@ -313,12 +312,8 @@ FEEDBACK: tuple[Word, ...] = (
 """GetFeedback in the order of its words: left before right."""
 
 MESSAGES: dict[str, tuple[Word, ...]] = {"settings": SETTINGS, "data": DATA, "feedback": FEEDBACK}
-_LAYOUTS = {name: f">{''.join('h' if word.signed else 'H' for word in words)}" for name, words in MESSAGES.items()}
-
-
-def raws_in(message: str, body: bytes) -> tuple[int, ...]:
-    """The words of a message's body as raw integers, each in its field's own sign: all at once, for the line waits meanwhile."""
-    return struct.unpack(_LAYOUTS[message], body)
+SIGNS = {name: "".join("h" if word.signed else "H" for word in words) for name, words in MESSAGES.items()}
+"""Message -> its words' signs, for `frames.unpack`: all words are read at once, for the line waits meanwhile."""
 
 
 @fast_dataclass(frozen=True, kw_only=True, eq=False)
