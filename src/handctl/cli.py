@@ -37,7 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if argv is None:
             _raise_on_ctrl_c()
-        if not _on_several(args):
+        several = any("," in word or word.endswith("*") for word in args)
+        if not (several and _on_several(args)):
             root.main(args=list(args), prog_name="handctl", standalone_mode=False)
         code = 0
     except BaseException as exc:  # noqa: BLE001 - what it does not know goes on
@@ -63,8 +64,6 @@ def _raise_on_ctrl_c() -> None:
 
 def _on_several(args: Sequence[str]) -> bool:
     """Run the command on each device where -d names several; whether it does."""
-    if not any("," in word or word.endswith("*") for word in args):
-        return False
     from handctl.command import several_devices
 
     found = several_devices.devices_in(args)

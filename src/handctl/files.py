@@ -328,9 +328,9 @@ def state_path(name: str) -> Path:
     """handctl/NAME in the user's folder of state: what this machine keeps for this user."""
     from pathlib import Path
 
-    from handctl.system.user_folders import state_folder
+    from handctl.system.user_folders import STATE, user_folder
 
-    return Path(state_folder()) / "handctl" / name
+    return Path(user_folder(STATE)) / "handctl" / name
 
 
 # -- text that may be longer than memory ------------------------------------------------------------------------------

@@ -16,12 +16,6 @@ IN_NAMES = frozenset("/\\=_~$*<>|@#:.")
 """Characters of paths, links, commands and names in code: behind them a full stop would be read as part."""
 
 
-def typed_names(*names: str) -> None:
-    """The names that a user gave to things of this command: no message may change them."""
-    typed.clear()
-    typed.update(names)
-
-
 def sentence(text: str) -> str:
     """`text` with a capital where it begins with an ordinary word, and a full stop where it ends without punctuation."""
     first = text.split(" ", 1)[0]

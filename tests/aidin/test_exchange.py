@@ -8,7 +8,6 @@ from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK
 from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import Deadline
-from handctl.model.param import elements_of
 from tests.aidin.support import Streamer, feedback, hand_on, line, poller, streamer
 from tests.support.each_row import each_row
 from tests.support.refused import refused
@@ -18,7 +17,7 @@ POLL = b"{}\n"
 
 
 def all_of(name: str) -> list[object]:
-    return list(elements_of(AIDIN[name]))
+    return list(AIDIN[name].each)
 
 
 def test_a_stream_is_listened_to_and_nothing_is_sent() -> None:
@@ -196,7 +195,7 @@ def test_only_values_from_now_on_count() -> None:
     for _ in range(3):
         link.clock += 0.1
         began = link.clock
-        (reading, *_) = hand.read(elements_of(AIDIN["motor_pos"]))
+        (reading, *_) = hand.read(AIDIN["motor_pos"].each)
         assert reading.value is not None and reading.value >= round(began * 1000) - 1
 
 
@@ -245,7 +244,7 @@ def test_unknown_keys_are_named_once() -> None:
 def test_parts_are_read_alone() -> None:
     """What is wrong with another key does not matter."""
     hand = hand_on(streamer(feedback(motor_pos=[])))
-    readings = hand.read(elements_of(AIDIN["joint_pos"])[:2])
+    readings = hand.read(AIDIN["joint_pos"].each[:2])
     assert [reading.error for reading in readings] == [None, None]
 
 

@@ -15,7 +15,6 @@ from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.parameter_map import FEEDBACK
 from handctl.errors import ProtocolError
 from handctl.link import ByteLink
-from handctl.model.param import elements_of
 from tests.aidin.support import Content, Streamer, feedback, hand_on, line, poller, streamer
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -43,7 +42,7 @@ def test_one_bad_number_is_its_own_error(param: object, odd: object, polled: boo
         hand = hand_on(poller(content) if polled else streamer(content))
         rows = hand.dump().rows
         (bad,) = [row for row in rows if "error" in row]
-        element = elements_of(param)[place]  # type: ignore[type-var]
+        element = param.each[place]  # type: ignore[type-var]
         assert (bad["finger"], bad["element"]) == tuple(element.part.split("."))
         assert element.full_name in bad["error"]
         assert len(rows) == 95

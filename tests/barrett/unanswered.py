@@ -163,10 +163,13 @@ def traced(trace: Path, baud: int) -> Iterator[Sent]:
 def scans(ids: range) -> Iterator[Way]:
     """The reads that a scan or a connect may begin with, of these ids, one at a time."""
     from handctl.devices.inspire.identity import TABLE
-    from handctl.devices.inspire.register_bus import READS, ahead
+    from handctl.devices.inspire.register_bus import AHEAD, READS
 
     spans = {(flag, span) for flag, found in READS.items() for span in found}
     spans |= {(0x30 if sign.space == "wrist" else 0x11, span) for sign in TABLE for span in sign.reads}
     spans |= {(0x11, (1546, 4))}
     for number, (flag, span), speed in product(ids, sorted(spans), HAND_SPEEDS):
-        yield f"id {number}, {span} at {speed}", [Sent(0.0, speed, ahead(speed) + read_request(number, *span, flag))]
+        yield (
+            f"id {number}, {span} at {speed}",
+            [Sent(0.0, speed, AHEAD.get(speed, b"") + read_request(number, *span, flag))],
+        )

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from handctl.command.option_types import OutFile
+from handctl.command.options import OutFile
 from handctl.families import FAMILIES
 from tests.contract.alone import alone, steady, words_of
 from tests.contract.cell import wrote

@@ -26,7 +26,7 @@ from handctl.docgen.read_command_tree import map_of
 from handctl.errors import ProtocolError
 from handctl.families import COMMANDS, FAMILIES, LISTED
 from handctl.link.fake import FakeFrames, FakeLink
-from handctl.model.param import SETTING, Element, ParamMap, elements_of
+from handctl.model.param import SETTING, Element, ParamMap
 from handctl.tools.trace_reader import explainer_of
 from tests.contract.cell import CODES, judge, tried, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of, writing_commands
@@ -314,7 +314,7 @@ def settable(params: ParamMap[Any] | None) -> list[Element]:
         element
         for param in params or ()
         if param.kind == SETTING and param.writable and param.readable and not param.strands and not param.optional
-        for element in elements_of(param)
+        for element in param.each
     ]
 
 
@@ -341,7 +341,7 @@ def test_the_map_is_the_memory_of_the_simulator(family: str) -> None:
 @pytest.mark.parametrize("family", [family for family in FAMILIES if "set" in words_of(family)])
 def test_what_is_out_of_range_is_refused_before_a_byte_is_sent(family: str) -> None:
     """Settings and what moves: all that `set` may write."""
-    written = [element for param in map_of(family) or () if param.writable for element in elements_of(param)]
+    written = [element for param in map_of(family) or () if param.writable for element in param.each]
     assert written
     for element in written:
         param = element.param

@@ -16,7 +16,7 @@ from handctl.command.family import in_words
 from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from handctl.model.explainer import DEVICE, HOST
-from handctl.model.param import Param, elements_of
+from handctl.model.param import Param
 from handctl.sim import model_class
 from handctl.tools.trace_reader import explainer_of
 from tests.contract.cell import in_bytes, tried
@@ -45,7 +45,7 @@ def set_by_name(family: str) -> Iterator[tuple[Param, str]]:
             and param.high is not None
         ):
             for end in (param.low, param.high):
-                yield param, f"{elements_of(param)[0].path}={param.text(end)}"
+                yield param, f"{param.each[0].path}={param.text(end)}"
 
 
 # -- what moves it is marked ----------------------------------------------------------------------------------------------

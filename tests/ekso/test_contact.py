@@ -46,7 +46,6 @@ def test_what_alone_is_not_answered_is_asked_with_reads_only() -> None:
     """A write was answered last: nothing of it is sent to look who is there."""
     from handctl.devices.ekso.frames import Command
     from handctl.devices.ekso.parameter_map import EKSO
-    from handctl.model.param import elements_of
     from tests.ekso.support import Unit, ekso_on
 
     unit = Unit()
@@ -56,6 +55,6 @@ def test_what_alone_is_not_answered_is_asked_with_reads_only() -> None:
     assert ekso.asked("feedback")[0].error is not None
     assert unit.commands().count(int(Command.CANCEL_ACTION)) == 1
     sent = len(unit.sent)
-    readings = ekso.read([*elements_of(EKSO["walk_time"]), *elements_of(EKSO["step_length"])])
+    readings = ekso.read([*EKSO["walk_time"].each, *EKSO["step_length"].each])
     assert [reading.value is None for reading in readings] == [True, False]
     assert len(unit.sent) == sent + 1

@@ -11,7 +11,7 @@ from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.generations import DF, TP
 from handctl.devices.inspire.hand.register_map import BYTE_MAP
-from handctl.model.param import Element, elements_of
+from handctl.model.param import Element
 from handctl.model.prompts import Prompts
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 
@@ -21,7 +21,7 @@ SIX = 6
 
 def element(name: str, index: int = 0) -> Element:
     """One element of a register."""
-    return elements_of(BYTE_MAP[name])[index]
+    return BYTE_MAP[name].each[index]
 
 
 class HandMachine(RuleBasedStateMachine):
@@ -100,12 +100,12 @@ class HandMachine(RuleBasedStateMachine):
         if not hasattr(self, "hand"):
             return
         for name, values in self.held.items():
-            got = [reading.value for reading in self.hand.read(elements_of(BYTE_MAP[name]))]
+            got = [reading.value for reading in self.hand.read(BYTE_MAP[name].each)]
             assert got == values, (name, got, values, self.model, self.wire)
-        angles = [reading.value for reading in self.hand.read(elements_of(BYTE_MAP["angle_actual"]))]
+        angles = [reading.value for reading in self.hand.read(BYTE_MAP["angle_actual"].each)]
         assert all(goal is None or abs(goal - now) <= 4 for goal, now in zip(self.at, angles, strict=True)), (
             self.at,
             angles,
         )
-        errors = [reading.value for reading in self.hand.read(elements_of(BYTE_MAP["error"]))]
+        errors = [reading.value for reading in self.hand.read(BYTE_MAP["error"].each)]
         assert errors == [0] * SIX

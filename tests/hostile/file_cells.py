@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import click
 
-from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import InFile, OutFile
 from handctl.families import FAMILIES
 from tests.harm import lines
 from tests.hostile.cell import DOCUMENTED, FORMATS, Folder, Tried, attempt

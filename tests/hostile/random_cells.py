@@ -18,8 +18,7 @@ import handctl.link.can
 import handctl.link.serial
 import handctl.link.tcp
 from handctl.command.command_tree import root
-from handctl.command.option_types import InFile, OutFile
-from handctl.command.options import SharedOption
+from handctl.command.options import InFile, OutFile, SharedOption
 from handctl.errors import LinkError
 from handctl.families import FAMILIES
 from tests.harm import lines as examples

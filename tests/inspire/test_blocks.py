@@ -8,14 +8,14 @@ from handctl.command.get_set_watch import select
 from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.register_device import Memory, plan
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
-from handctl.model.param import Element, elements_of
+from handctl.model.param import Element
 from tests.support.scripted import Reply, ScriptedLink, codes, fake_hand, hand_on, hexed, message, unhex
 
 READ_HEAD = "EB 90 01 04 11 E8 03 0A 0B"
 HEAD = "90 EB 01 0D 11 E8 03 01 00 00 00 00 00 00 00 00 00 0B"
 READ_LIVE = "EB 90 01 04 11 C0 05 97 72"
 READABLE = tuple(param for param in EXO if param.readable)
-ALL = [element for param in READABLE for element in elements_of(param)]
+ALL = [element for param in READABLE for element in param.each]
 GROUPS = [
     (1000, 1), (1001, 1), (1004, 1), (1005, 1), (1009, 1),
     (1472, 2), (1486, 10), (1498, 10), (1546, 12), (1582, 10), (1594, 10), (1606, 5), (1618, 5),

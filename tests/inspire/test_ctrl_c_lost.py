@@ -16,7 +16,7 @@ from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import DeviceRefused, HandctlError
 from handctl.link import ByteLink, Deadline, open_link
-from handctl.model.param import Number, elements_of
+from handctl.model.param import Number
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from handctl.model.stop_on_interrupt import NOT_STOPPED
@@ -58,7 +58,7 @@ def rh56(link: ByteLink) -> Hand:
 
 
 def turn(hand: Hand) -> object:
-    changes = [(element, 1000) for element in elements_of(hand.map["angle_set"])[:4]]
+    changes = [(element, 1000) for element in hand.map["angle_set"].each[:4]]
     return hand_motion.move(hand, "angle_set", changes, Prompts(), wait=5.0)
 
 
@@ -82,7 +82,7 @@ def test_with_one_frame_lost_it_stands_all_the_same(name: str, nth: int) -> None
     device = device_on(link)
 
     def places() -> list[Number | None]:
-        elements = [element for one in where for element in elements_of(device.map[one])]
+        elements = [element for one in where for element in device.map[one].each]
         return [reading.value for reading in device.read(elements)]
 
     before = places()
@@ -119,7 +119,7 @@ def test_the_late_answer_of_a_force_is_not_that_of_the_release() -> None:
     link.write = pressed  # type: ignore[method-assign]
     with pytest.raises(HandctlError) as caught:
         exo_motion.command(hand, "force", dict(enumerate(FORCES)), Prompts())
-    left = [reading.value for reading in hand.read(elements_of(EXO["force_set"]))]
+    left = [reading.value for reading in hand.read(EXO["force_set"].each)]
     assert (left, caught.value.exit_code) == ([0] * 5, 130), caught.value.text
     assert [frame[12:14] for frame in changing(link.sent)] == ["31", "32", "31", "32"]
 

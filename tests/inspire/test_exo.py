@@ -8,7 +8,7 @@ from handctl.command.get_set_watch import select
 from handctl.devices.inspire.exo.device import registers_view, status_view, unhealthy
 from handctl.devices.inspire.exo.register_map import EXO
 from handctl.errors import CheckFailed, DeviceRefused, LinkError, NoAnswer
-from handctl.model.param import Reading, elements_of
+from handctl.model.param import Reading
 from handctl.model.result import Cell
 from handctl.sim.engine import line_and_faults
 from tests.support.each_row import each_row
@@ -372,7 +372,7 @@ def test_status_view_has_a_line_per_finger() -> None:
 
 def test_a_failed_read_is_a_question_mark() -> None:
     hand, _ = fake_hand()
-    readings = [Reading(element, None, b"", NoAnswer("no answer")) for element in elements_of(EXO["current"])]
+    readings = [Reading(element, None, b"", NoAnswer("no answer")) for element in EXO["current"].each]
     table = hand.table(readings)
     assert all("value" not in row and row["error"] == "no answer" for row in table.rows)
     (grid,) = registers_view(table.rows)

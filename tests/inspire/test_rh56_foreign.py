@@ -15,7 +15,6 @@ from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.link import ByteLink, open_link
-from handctl.model.param import elements_of
 from handctl.model.result import Journal
 from tests.support import modbus_server
 from tests.support.cli import run
@@ -83,12 +82,10 @@ def test_a_public_server_shows_the_golden_hand(model: str, wire: str) -> None:
 @each_row(("model", "wire"), [("df", "rtu"), ("tp", "tcp")])
 def test_a_public_server_takes_a_setting(model: str, wire: str) -> None:
     with hand_on(model, wire) as hand:
-        speeds = elements_of(hand.map["default_speed"])
+        speeds = hand.map["default_speed"].each
         hand.write([(element, 300 + element.index) for element in speeds])
         assert [reading.value for reading in hand.read(speeds)] == [300, 301, 302, 303, 304, 305]
-        assert [reading.value for reading in hand.read(elements_of(hand.map["default_force"]))] == GOLDEN[
-            "default_force"
-        ]
+        assert [reading.value for reading in hand.read(hand.map["default_force"].each)] == GOLDEN["default_force"]
 
 
 # -- the command line ---------------------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from handctl.devices.inspire.register_device import encoded
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
 from handctl.link import ByteLink, Deadline, open_link
-from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from handctl.sim.hand.register_maps import GENERATIONS
@@ -87,7 +86,7 @@ def test_identification_and_dump_cost_what_the_dossier_says() -> None:
     hand.dump()
     assert hand.journal.counters.sent == 2
     live = hand_on(TP, TCP, typed=TP)
-    live.read([element for name in live.live for element in elements_of(live.map[name])])
+    live.read([element for name in live.live for element in live.map[name].each])
     assert live.journal.counters.sent == 1
 
 
@@ -102,9 +101,9 @@ def test_a_hand_that_is_silent_to_eb90_is_asked_in_modbus() -> None:
 def test_bytes_that_come_one_to_a_register_are_taken_so() -> None:
     """Seen on one hand over RTU: the six temperatures tell (rh56 §2.2)."""
     hand = hand_on(TP, RTU, fault="rtu-unpacked")
-    warm = hand.read(elements_of(hand.map["temperature"]))
+    warm = hand.read(hand.map["temperature"].each)
     assert [reading.value for reading in warm] == [31, 32, 33, 34, 35, 36]
-    assert [reading.value for reading in hand.read(elements_of(hand.map["status"]))] == [2, 1, 2, 3, 2, 0]
+    assert [reading.value for reading in hand.read(hand.map["status"].each)] == [2, 1, 2, 3, 2, 0]
 
 
 def test_a_wrong_transaction_is_warned_of_and_taken() -> None:
@@ -128,8 +127,8 @@ def test_what_a_generation_has_not_is_said() -> None:
 @pytest.mark.parametrize(("model", "wire"), [pair for pair in SPOKEN if pair[0] in (DF, TP)])
 def test_a_write_is_read_back(model: str, wire: str) -> None:
     hand = hand_on(model, wire)
-    hand.write([(element, 300 + element.index) for element in elements_of(hand.map["default_speed"])])
-    assert [reading.value for reading in hand.read(elements_of(hand.map["default_speed"]))] == [
+    hand.write([(element, 300 + element.index) for element in hand.map["default_speed"].each])
+    assert [reading.value for reading in hand.read(hand.map["default_speed"].each)] == [
         300,
         301,
         302,
@@ -151,15 +150,15 @@ def test_nothing_is_written_to_a_hand_that_counts_words_unless_it_was_named(mode
                     (
                         hand.map.find("default_speed.index")[1][0]
                         if "index" in hand.map["default_speed"].elements
-                        else elements_of(hand.map["default_speed"])[0],
+                        else hand.map["default_speed"].each[0],
                         300,
                     )
                 ]
             )
         assert refused.value.exit_code == 6 and hand.journal.counters.writes == 0
     named = hand_on(model, wire, typed=model)
-    named.write([(elements_of(named.map["default_speed"])[0], 300)])
-    assert named.read(elements_of(named.map["default_speed"])[:1])[0].value == 300
+    named.write([(named.map["default_speed"].each[0], 300)])
+    assert named.read(named.map["default_speed"].each[:1])[0].value == 300
 
 
 def test_a_model_that_the_hand_contradicts_is_refused() -> None:
@@ -188,7 +187,7 @@ def test_a_finger_moves_to_its_angle_and_only_that(model: str, wire: str) -> Non
     assert shown.told(question).endswith("index 440 to 300 (speed 604, force limit 404 g)")
     rows = {row["name"]: row["value"] for row in motion.move(hand, "angle_set", changes, Prompts(), wait=3.0).rows}
     assert rows == {"angle_actual": 300, "status": 2}
-    others = hand.read(elements_of(hand.map["angle_set"]))
+    others = hand.read(hand.map["angle_set"].each)
     assert [reading.value for reading in others if reading.element.part != "index"] == [-1] * 5
 
 
@@ -201,7 +200,7 @@ def test_a_hand_with_errors_is_not_moved() -> None:
 def test_a_stop_sets_every_speed_to_zero(wire: str) -> None:
     hand = hand_on(TP, wire)
     assert hand.stop().error is None
-    assert {reading.value for reading in hand.read(elements_of(hand.map["speed_set"]))} == {0}
+    assert {reading.value for reading in hand.read(hand.map["speed_set"].each)} == {0}
 
 
 def test_one_speed_that_does_not_stay_zero_is_told() -> None:

@@ -19,7 +19,6 @@ from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.register_bus import RegisterBus
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
-from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from tests.inspire.wrist_support import ScriptedFrames
@@ -74,7 +73,7 @@ def host(odd: Odd, *, typed: str | None = "tp", device_id: int = 1) -> Hand:
 
 def values(hand: Hand, name: str) -> list[object]:
     """The values of a group, or the exit code of the error in place of one."""
-    return [r.value if r.error is None else f"exit {r.error.exit_code}" for r in hand.read(elements_of(hand.map[name]))]
+    return [r.value if r.error is None else f"exit {r.error.exit_code}" for r in hand.read(hand.map[name].each)]
 
 
 def outcome(ask: Callable[[], object]) -> object:
@@ -307,7 +306,7 @@ def test_a_gateway_without_a_hand_is_never_written_to(wire: str, code: int, exit
     odd = Odd(wire, golden("tp"), exception(wire, code))
     hand = host(odd, typed=None)
     with pytest.raises(HandctlError) as caught:
-        hand.write([(elements_of(hand.map["default_speed"])[0], 300)])
+        hand.write([(hand.map["default_speed"].each[0], 300)])
     assert caught.value.exit_code == exit_code
     assert hand.journal.counters.writes == 0
 
@@ -320,7 +319,7 @@ def test_an_exception_behind_a_write_that_leaves_it_open_makes_no_claim(wire: st
     refuse = exception(wire, code)
     odd.change = lambda r, a: refuse(r, a) if odd.writes and odd.writes[-1] is r else as_it_is(r, a)
     hand = host(odd)
-    (reading,) = hand.write([(elements_of(hand.map["default_speed"])[0], 300)])
+    (reading,) = hand.write([(hand.map["default_speed"].each[0], 300)])
     assert reading.value == 300 and "ack-lost" in codes(hand)
 
 
@@ -377,7 +376,7 @@ def test_only_an_echo_is_no_hand(wire: str) -> None:
         values(hand, "angle_actual")
     assert caught.value.code == "echo"
     with pytest.raises(HandctlError) as refused:
-        hand.write([(elements_of(hand.map["default_speed"])[0], 300)])
+        hand.write([(hand.map["default_speed"].each[0], 300)])
     assert refused.value.exit_code == 5 and hand.journal.counters.writes == 0
 
 
@@ -386,7 +385,7 @@ def test_with_an_echo_before_each_answer_the_hand_is_read_and_written(wire: str)
     hand = host(Odd(wire, golden("tp"), lambda r, a: [(0.0, r), (DELAY, a)]))
     assert {name: values(hand, name) for name in RIGHT} == RIGHT
     assert hand.journal.line.echo
-    hand.write([(element, 300) for element in elements_of(hand.map["default_speed"])])
+    hand.write([(element, 300) for element in hand.map["default_speed"].each])
     assert values(hand, "default_speed") == [300] * 6
 
 
@@ -458,7 +457,7 @@ def test_a_hand_that_speaks_modbus_only_is_found_behind_eb90(echo: bool) -> None
         wire.gate = gate  # type: ignore[assignment]
     hand = Hand(wires[0], gate, wires[1])
     assert {name: values(hand, name) for name in RIGHT} == RIGHT
-    hand.write([(elements_of(hand.map["default_speed"])[0], 300)])
+    hand.write([(hand.map["default_speed"].each[0], 300)])
     assert hand.found().model == "df" and "protocol" in codes(hand)
 
 
@@ -505,7 +504,7 @@ def test_a_write_that_is_acknowledged_and_not_done_is_found_by_reading(wire: str
     odd = Odd(wire, golden("tp"))
     odd._write = lambda _address, _data, request: odd.writes.append(request)  # type: ignore[method-assign]
     hand = host(odd)
-    assert outcome(lambda: hand.write([(elements_of(hand.map["default_speed"])[0], 300)])) == "exit 7"
+    assert outcome(lambda: hand.write([(hand.map["default_speed"].each[0], 300)])) == "exit 7"
 
 
 # -- another hand behind the same address ---------------------------------------------------------------------------------
@@ -517,7 +516,7 @@ def test_a_hand_of_another_generation_is_not_written_to(wire: str, typed: str | 
     odd = Odd(wire, words_only())
     hand = host(odd, typed=typed)
     for name in ("default_speed", "angle_set", "save", "clear_errors"):
-        element = elements_of(hand.map[name])[0]
+        element = hand.map[name].each[0]
         assert outcome(lambda element=element: hand.write([(element, 1)])) == "exit 6", name
     assert outcome(lambda: motion.fit_to_move(hand)) == "exit 6"
     assert odd.writes == []
@@ -536,7 +535,7 @@ def test_hands_that_are_changed_while_they_are_looked_at_are_not_written_to(wire
     first = Odd(wire, golden("df"))
     hand = host(odd, typed=None)
     hand.bus.link.answer = either  # type: ignore[attr-defined]
-    found = outcome(lambda: hand.write([(elements_of(hand.map["default_speed"])[0], 300)]))
+    found = outcome(lambda: hand.write([(hand.map["default_speed"].each[0], 300)]))
     if which <= LOOKS[wire]:
         assert found in ("exit 4", "exit 5", "exit 6"), found
         assert odd.writes == other.writes == []

@@ -28,7 +28,6 @@ from handctl.model.param import (
     Param,
     ParamMap,
     Reading,
-    elements_of,
 )
 from handctl.model.result import Journal
 from tests.support.cli import fake, memory, pairs, run, s16, spying, writes
@@ -84,7 +83,7 @@ def after(kind: str, element: Element | None, value: float) -> dict[str, Any]:
         e
         for param in device.map
         if param.readable and param.kind == MEASURED and not param.optional
-        for e in elements_of(param)
+        for e in param.each
     ]
     device.read(measured)
     begun = link.now()
@@ -125,7 +124,7 @@ SETTABLE = [
 def test_what_moves_or_pushes_once_written_is_a_command_and_nothing_else_is(kind: str, param: Param) -> None:
     changed = set()
     for value in values_of(param):
-        now = after(kind, elements_of(param)[0], value if param.decimals else int(value))
+        now = after(kind, param.each[0], value if param.decimals else int(value))
         changed |= {name for name, was in STILL[kind].items() if now[name] != was}
     if param.name in SHOWN_OTHERWISE:
         assert changed and not param.acts

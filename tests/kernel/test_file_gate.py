@@ -13,7 +13,7 @@ import click
 import pytest
 
 from handctl.command.command_tree import root
-from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import InFile, OutFile
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 from tests.support.leaves import LEAVES, Leaf, command_line, leaves, own

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.errors import UsageError
-from handctl.model.param import Param, ParamMap, bit_names, elements_of
+from handctl.model.param import Param, ParamMap, bit_names
 from handctl.number_parsing import typed_number
 from tests.support.each_row import each_row
 
@@ -142,13 +142,13 @@ def test_access_and_count() -> None:
     assert [p.readable for p in (POSITION, ERROR, START, RESET)] == [True, True, True, False]
     assert [p.writable for p in (POSITION, ERROR, START, RESET)] == [True, False, False, False]
     assert [p.count for p in (POSITION, VOLTAGE, ERROR)] == [3, 1, 2]
-    assert [element.full_name for element in elements_of(POSITION)] == [
+    assert [element.full_name for element in POSITION.each] == [
         "position.little",
         "position.ring",
         "position.middle",
     ]
-    assert [element.full_name for element in elements_of(VOLTAGE)] == ["voltage"]
-    assert elements_of(VOLTAGE)[0].part is None
+    assert [element.full_name for element in VOLTAGE.each] == ["voltage"]
+    assert VOLTAGE.each[0].part is None
 
 
 def test_a_name_used_twice_is_a_mistake_in_the_map() -> None:

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import pytest
 
 from handctl.docgen.read_command_tree import map_of
-from handctl.model.param import Element, Param, elements_of
+from handctl.model.param import Element, Param
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.snapshots import signed
@@ -116,7 +116,7 @@ def cases(kind: str) -> list[tuple[Route, Element, float]]:
         (route, element, value)
         for param in map_of(kind) or ()
         if param.writable and not param.optional
-        for element in elements_of(param)[:1]
+        for element in param.each[:1]
         for value in (other_value(param, before(kind)[element.full_name]),)
         for route in routes(kind, element, value)
     ]

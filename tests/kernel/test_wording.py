@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.errors import joined
-from handctl.wording import sentence, typed_names
+from handctl.errors import joined, typed
+from handctl.wording import sentence
 from tests.support.cli import fake, run
 from tests.support.each_row import each_row
 
@@ -60,12 +60,12 @@ def test_a_name_of_this_command_is_never_capitalised() -> None:
 
 def test_a_name_stays_as_it_is_typed_inside_a_text() -> None:
     """A device called as a word is: behind another one's part, too."""
-    typed_names("ab")
+    typed.add("ab")
     try:
         assert joined("aa: no reply", "ab: no reply") == "aa: no reply. ab: no reply"
         assert joined("aa: no reply", "cd: no reply") == "aa: no reply. Cd: no reply"
     finally:
-        typed_names()
+        typed.clear()
 
 
 def test_a_quantity_that_begins_a_message_keeps_its_name() -> None:

@@ -11,7 +11,7 @@ import click
 
 from handctl.docgen.readme_commands import VERBS
 from handctl.families import FAMILIES
-from handctl.model.param import TRIGGER, elements_of
+from handctl.model.param import TRIGGER
 from tests.contract.facts import facts_of
 from tests.promises.cells import Cell, command_of, commands, exempt, link_of, made, map_for, needs, typed, unless
 from tests.support.cli import run, spying
@@ -87,7 +87,7 @@ def _settable(family: str, _folder: Path) -> None:
         element.path
         for param in map_for(family)
         if param.writable and param.readable and not param.optional
-        for element in elements_of(param)
+        for element in param.each
     ]
     if paths:
         needs(run(family, "get", *paths, "-p", link_of(family)), 0)

@@ -26,7 +26,6 @@ from handctl.errors import OutputError
 from handctl.families import FAMILIES
 from handctl.link import RawAccess, deadman
 from handctl.model.command_settings import Settings
-from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
 from handctl.model.stop_on_interrupt import interrupt_error
@@ -99,7 +98,7 @@ CASES = {
     ),
     "hand": Case(
         "fake://hand?clock=virtual&speed=100", registers("1546 12"),
-        lambda hand, far: (hand.write([(one, 1000) for one in elements_of(hand.map["angle_set"])]), far.sleep(0.2)),
+        lambda hand, far: (hand.write([(one, 1000) for one in hand.map["angle_set"].each]), far.sleep(0.2)),
         lambda: eb90.write_request(1, 1522, eb90.pack_s16([100] * 6)),
         coast=40,
     ),

@@ -9,7 +9,7 @@ from unittest import mock
 import click
 
 from handctl.command.command_tree import Command, root
-from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import InFile, OutFile
 
 
 class Leaf(NamedTuple):

@@ -1,12 +1,15 @@
 """The command tree: groups and commands that accept the shared options, and the root.
 
-Help and completion load click and the data in `families`, no device family.
+Help and completion load click and the data in `families`, no device family. The help of a command shows its arguments, its own
+options and its examples; of the common options only the names, and of those only what it accepts: `Described.refused` is the
+one rule, which man pages and completions follow too.
 """
 
 from __future__ import annotations
 
 import gc
 import importlib
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any
@@ -15,26 +18,176 @@ import click
 
 from handctl import __version__
 from handctl.command.family import Family
-from handctl.command.help_text import (
-    HEADINGS,
-    MOST,
-    USUAL,
-    Described,
-    need_command,
-    plain_help,
-    write_examples,
+from handctl.command.options import (
+    CONNECTION,
+    OUTPUT,
+    WRITING,
+    InFile,
+    OutFile,
+    SharedOption,
+    command_line,
+    lacking,
+    own_options,
+    shared_options,
 )
-from handctl.command.option_types import InFile, OutFile
-from handctl.command.options import SharedOption, command_line
 from handctl.families import COMMANDS, LISTED
 
 if TYPE_CHECKING:
     from handctl.command.run import PlannedAction, Run
     from handctl.model.result import Table
 
+MOST = 1000
+"""Characters of a first sentence: all of it."""
+HEADINGS = ("Inspect", "Move", "Settings", "Service", "Files")
+"""What a technician wants to do: the commands of a family are listed below these, in this order."""
+USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
+"""What every device has stands first below its heading, in this order."""
 TRAITS = ("heading", "writes", "streams", "stops", "offline", "offline_when", "asks", "family")
 ALONE = ("sim", "completion", "batch", "shell", "service")
 """Commands that are no line of a batch."""
+
+
+def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
+    if value and not ctx.resilient_parsing:
+        if ctx.terminal_width is None:
+            from handctl.command.help_text import columns
+
+            ctx.terminal_width = max(min(columns(), ctx.max_content_width or 80) - 2, 50)
+        sys.stdout.write(ctx.get_help() + "\n")
+        ctx.exit()
+
+
+HELP = click.Option(
+    ["-h", "--help"], is_flag=True, expose_value=False, is_eager=True, callback=_show_help, help="Show this help."
+)
+"""Of every command. It goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
+
+
+class NoCommand(click.UsageError):
+    """A group was called without a command: the message is its help, for stderr."""
+
+
+def need_command(ctx: click.Context) -> None:
+    """For a group without arguments, before it is parsed: click 8.1 would take its help for what was asked, 8.2 and later do not."""
+    if not ctx.resilient_parsing:
+        raise NoCommand(ctx.get_help(), ctx)
+
+
+def plain_help(command: click.Command) -> None:
+    """Help of a command that is not one of ours, and of those below it, goes where ours does and shows examples."""
+    if "get_help_option" not in vars(command):
+        options = command.format_options
+
+        def with_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
+            from handctl.command.help_text import write_examples
+
+            options(ctx, formatter)
+            write_examples(ctx, formatter)
+
+        command.get_help_option = lambda ctx: HELP  # type: ignore[method-assign]
+        command.format_options = with_examples  # type: ignore[method-assign]
+    if isinstance(command, click.Group) and "parse_args" not in vars(command):
+        parse = command.parse_args
+
+        def parse_args(ctx: click.Context, args: list[str]) -> list[str]:
+            if not args:
+                need_command(ctx)
+            return parse(ctx, args)
+
+        command.parse_args = parse_args  # type: ignore[method-assign]
+        for below in command.commands.values():
+            plain_help(below)
+
+
+class Described(click.Command):
+    """A command that accepts the common options, and lists those that make sense after its own.
+
+    They are made when a command is parsed, not when it is defined: most commands of a family are never used in a run.
+    """
+
+    family: Family | None = None
+    heading = ""
+    writes = False
+    offline = False
+    _own: list[click.Parameter] | None = None
+    _shared: list[click.Parameter] | None = None
+    _parser: tuple[list[click.Parameter], Any] | None = None
+
+    def refused(self) -> frozenset[str]:
+        """Common options that this command cannot use, by key; "" means all options of the link.
+
+        Who gives one all the same is told why (`command.invocation`, `command_tree.Command`).
+        """
+        keys = set() if self.writes else {"dry_run", "yes", "history"}
+        if not self.writes and self.family is None:
+            keys |= {"assume_identity"}
+        if self.offline:
+            keys |= {"", "assume_identity"}
+        if self.family is not None:
+            keys |= {*lacking(self.family)}
+        return frozenset(keys)
+
+    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
+        if self._own is None:
+            self._own = super().get_params(ctx)
+        if command_line(ctx).bare:
+            return [*self._own]
+        if self._shared is None:
+            family = self.family
+            wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
+            named = {
+                name for param in self.params for name in param.opts
+            }  # an option of its own stands for the shared one
+            shared = shared_options(wires, own, self.refused())
+            self._shared = [option for option in shared if not named & {*option.opts}]
+        return [*self._own, *self._shared]
+
+    def make_parser(self, ctx: click.Context) -> Any:
+        """As click does, but once for the same options: a parser keeps nothing of a line but its context.
+
+        Short options are found at once. Else each that is typed costs click the import of difflib, for what it would suggest
+        in place of a long one.
+        """
+        params = self.get_params(ctx)
+        if self._parser is None or params != self._parser[0]:
+            made = super().make_parser(ctx)
+            long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
+            if isinstance(long, dict) and isinstance(short, dict):
+                long.update(short)
+            self._parser = params, made
+        made = self._parser[1]
+        parser: Any = object.__new__(type(made))  # as `copy.copy`, which takes ten times as long
+        vars(parser).update(vars(made), ctx=ctx)
+        return parser
+
+    def get_help_option(self, ctx: click.Context) -> click.Option:
+        return HELP
+
+    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        common = [param for param in self.get_params(ctx) if isinstance(param, SharedOption)]
+        own = [param for param in self.get_params(ctx) if isinstance(param, click.Option) and param not in common]
+        records = [param.get_help_record(ctx) for param in own]
+        with formatter.section("Options"):
+            formatter.write_dl([record for record in records if record is not None])
+        self.format_examples(ctx, formatter)
+        self.format_common(ctx, formatter, [param for param in common if not param.hidden])
+
+    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from handctl.command.help_text import write_examples
+
+        write_examples(ctx, formatter)
+
+    def format_common(
+        self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
+    ) -> None:
+        """The common options of a command: their names, and where they are explained."""
+        from handctl.command.help_text import wrapped
+
+        with formatter.section("Common options (see `handctl help options` or handctl(1))"):
+            for title in (CONNECTION, OUTPUT, WRITING):
+                names = [max(option.opts, key=len) for option in options if option.section == title]
+                if names:
+                    wrapped(formatter, f"{title}: {', '.join(names)}", "  ", "    ")
 
 
 class Command(Described):
@@ -87,8 +240,8 @@ class Command(Described):
         if (taken := command_line(ctx).taken) is not None:
             taken(ctx)
             return
+        from handctl.command.invocation import resolve
         from handctl.command.run import Run
-        from handctl.command.settings_precedence import resolve
 
         run = Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported
@@ -117,7 +270,8 @@ class Group(Described, click.Group):
         self.family = family
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        need_command(ctx, args)
+        if not args:
+            need_command(ctx)
         told = command_line(ctx)
         told.words = told.words if ctx.parent is not None else tuple(args)
         told.stopping = "stop" in args
@@ -241,7 +395,7 @@ class Root(Group):
 
     def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """To begin with."""
-        write_examples(ctx, formatter)
+        Described.format_examples(self, ctx, formatter)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[Any]:
         from click.shell_completion import CompletionItem

@@ -17,14 +17,15 @@ import click
 
 from handctl.command import get_set_watch
 from handctl.command.command_tree import Group
-from handctl.command.help_text import columns
-from handctl.command.option_types import FiniteRange, InFile, OutFile
 from handctl.command.options import (
     ALWAYS,
     BOUNDS,
     LIMIT,
     REPLY_WAIT,
     SKIP,
+    FiniteRange,
+    InFile,
+    OutFile,
     combined_options,
     ending,
     export_options,
@@ -138,6 +139,8 @@ def add_map_verbs(
 
         A live view on a terminal (press ? for its keys), otherwise a stream of rows. Without names: everything that changes by itself.
         """
+        from handctl.command.help_text import columns
+
         seen = run.settings.format == "table" and not run.settings.output and is_terminal(sys.stdout)
         seen = seen and columns() >= get_set_watch.BESIDE_COLUMNS
         bounds = get_set_watch.bounds_of(run, run.mapped(params), limits, until)

@@ -1,119 +1,25 @@
-"""The result of a command: the JSON envelope without rows (cli contract, section 4), and the most helpful error message."""
+"""What is told of a command beside its rows: the JSON envelope (cli contract, section 4), and the most helpful error message."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from handctl import __version__
-from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, OutputError, UsageError, joined
-from handctl.model.result import SCHEMA, Journal, Message, Table
+from handctl.model.result import SCHEMA, Journal, Message
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
 
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Link
-    from handctl.screen.render import Context
-
-
-class Outcome:
-    """What comes of one command. Messages are shown after the result, or as they arrive once a stream has begun.
-
-    table    what its body returned, or what was read before it failed
-    failure  what went wrong
-    """
-
-    def __init__(self, asked: Invocation) -> None:
-        self.table: Table | None = None
-        self.failure: HandctlError | None = None
-        self._asked = asked
-        self._held: list[Message] = []
-        self._told: set[str] = set()
-        self._live = False
-
-    @property
-    def streams(self) -> bool:
-        """Whether the table is a stream."""
-        return self.table is not None and self.table.samples is not None
-
-    @property
-    def extra(self) -> dict[str, Any]:
-        """Further keys of the envelope."""
-        return self.table.extra if self.table is not None else {}
-
-    def heard(self, message: Message) -> None:
-        """A message of the device or of a check."""
-        if message.code in self._asked.journal.times:  # see Journal.count
-            if message.code in self._told:
-                return  # the envelope has the number
-            self._held = [one for one in self._held if one.code != message.code]
-        self._held.append(message)
-        if self._live:
-            self.tell()
-
-    def tell(self) -> None:
-        """What has been held back so far."""
-        settings = self._asked.settings
-        held = [] if settings.quiet or settings.format in ("json", "ndjson") else self._held
-        for message, later in zip(held, [*held[1:], None], strict=False):
-            self._asked.prompts.done()
-            once = later is not None and later[:2] == message[:2] and later.hint == message.hint
-            _print(message._replace(hint="") if once else message)  # what is to be done stands behind the last of them
-        self._told.update(one.code for one in self._held)
-        self._held.clear()
-
-    @contextlib.contextmanager
-    def delaying_messages(self) -> Iterator[None]:
-        """Messages wait until it is over."""
-        before, self._live = self._live, False
-        try:
-            yield
-        finally:
-            self._live = before
-            self.tell()
-
-    def stream(self, context: Context) -> HandctlError | None:
-        """Show a stream to its end; what went wrong."""
-        from handctl.screen import render
-
-        table = self.table
-        assert table is not None
-        self.tell()  # of what was met before the first row
-        self._live = True
-        try:
-            with render.Sink(self._asked.settings) as place:
-                return render.stream(table, place, context)
-        except OutputError as exc:
-            return more_serious(table.failure, exc)
-
-    def show(self, context: Context) -> None:
-        """Show a finished result, or the error in formats that include it. Raises OutputError."""
-        from handctl.screen import render
-
-        if self.table is not None or render.speaks(self._asked.settings.format, self.failure):
-            with render.Sink(self._asked.settings) as place:
-                render.show(self.table, self.failure, place, context)
-        self.tell()
-
-    def lost(self, exc: OutputError) -> HandctlError:
-        """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
-        for message in () if self._asked.settings.quiet else self._held:
-            _print(message)
-        self._held.clear()
-        return more_serious(self.failure, exc)
-
-
-def _print(message: Message) -> None:
-    print_message("note" if message.level == "info" else message.level, message.text, message.hint)
 
 
 def device_row(run: Invocation) -> dict[str, Any] | None:

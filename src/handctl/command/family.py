@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from handctl.errors import UsageError
 from handctl.families import COMMANDS, FAMILIES
 from handctl.fast_classes import NamedTuple
 
@@ -51,11 +50,6 @@ class Family(NamedTuple):
     other_maps: Callable[[Settings], Sequence[ParamMap[Any]]] | None = None
     checks: Callable[[Any], Table] | None = None
 
-    @property
-    def lacks(self) -> dict[str, str]:
-        """What its protocol does not have: the key of the option -> its name."""
-        return ({} if self.ids else {"id": "device ids"}) | ({"baud": "serial port"} if self.baud is None else {})
-
 
 def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:
     """The `open` of a family whose line takes what the options of everybody say, and no more."""
@@ -81,22 +75,6 @@ def page_of(kind: str) -> Any:
 def implied(kind: str) -> dict[str, bool]:
     """Options of a family that are set for every command that writes."""
     return {option.key: True for option in FAMILIES[kind].options if option.implied}
-
-
-def refuse_missing(family: Family, given: Collection[str]) -> None:
-    """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
-    for key, what in family.lacks.items():
-        if key in given:
-            raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
-
-
-def refuse_serial(family: Family, link: str) -> None:
-    """Raise UsageError for a serial port where this family has TCP only."""
-    from handctl.link.link_interface import path_in
-
-    if family.tcp_port is not None and not family.wires and (path_in(link) or link.startswith("usb:")):
-        hint = f"-p tcp://HOST (port {family.tcp_port} when not given)"
-        raise UsageError(f"{link}: {family.kind} has no serial port", hint=hint)
 
 
 def on_can(settings: Settings) -> bool:

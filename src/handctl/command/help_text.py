@@ -1,37 +1,16 @@
-"""The help that `-h` shows, and which of the common options a command offers. Imports click and data only.
-
-A command shows its arguments, its own options and its examples; of the common options only the names, and of those only
-what it accepts: `Described.refused` is the one rule, which man pages and completions follow too.
-"""
+"""What `-h` shows besides what click does: the examples of each command, wrapped as wide as the terminal. Imported for help alone."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Sequence
-from typing import Any
 
 import click
 
-from handctl.command.family import Family, page_of
-from handctl.command.options import (
-    CONNECTION,
-    OUTPUT,
-    WRITING,
-    SharedOption,
-    command_line,
-    own_options,
-    shared_options,
-    words_of,
-)
+from handctl.command.family import page_of
+from handctl.command.options import words_of
 from handctl.families import FAMILIES
-
-MOST = 1000
-"""Characters of a first sentence: all of it."""
-HEADINGS = ("Inspect", "Move", "Settings", "Service", "Files")
-"""What a technician wants to do: the commands of a family are listed below these, in this order."""
-USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
-"""What every device has stands first below its heading, in this order."""
 
 
 def columns() -> int:
@@ -47,150 +26,16 @@ def columns() -> int:
         return 80
 
 
-def _show_help(ctx: click.Context, _param: click.Parameter, value: bool) -> None:
-    if value and not ctx.resilient_parsing:
-        if ctx.terminal_width is None:
-            ctx.terminal_width = max(min(columns(), ctx.max_content_width or 80) - 2, 50)
-        sys.stdout.write(ctx.get_help() + "\n")
-        ctx.exit()
-
-
-HELP = click.Option(
-    ["-h", "--help"], is_flag=True, expose_value=False, is_eager=True, callback=_show_help, help="Show this help."
-)
-"""Of every command. It goes to stdout as it is: click would make a stream in ASCII UTF-8, and leave nothing to a substitute."""
-
-
-class NoCommand(click.UsageError):
-    """A group was called without a command: the message is its help, for stderr."""
-
-
-def need_command(ctx: click.Context, args: Sequence[str]) -> None:
-    """For a group, before it is parsed: click 8.1 would take its help for what was asked, 8.2 and later do not."""
-    if not args and not ctx.resilient_parsing:
-        raise NoCommand(ctx.get_help(), ctx)
-
-
-def plain_help(command: click.Command) -> None:
-    """Help of a command that is not one of ours, and of those below it, goes where ours does and shows examples."""
-    if "get_help_option" not in vars(command):
-        options = command.format_options
-
-        def with_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
-            options(ctx, formatter)
-            write_examples(ctx, formatter)
-
-        command.get_help_option = lambda ctx: HELP  # type: ignore[method-assign]
-        command.format_options = with_examples  # type: ignore[method-assign]
-    if isinstance(command, click.Group) and "parse_args" not in vars(command):
-        parse = command.parse_args
-
-        def parse_args(ctx: click.Context, args: list[str]) -> list[str]:
-            need_command(ctx, args)
-            return parse(ctx, args)
-
-        command.parse_args = parse_args  # type: ignore[method-assign]
-        for below in command.commands.values():
-            plain_help(below)
-
-
-class Described(click.Command):
-    """A command that accepts the common options, and lists those that make sense after its own.
-
-    They are made when a command is parsed, not when it is defined: most commands of a family are never used in a run.
-    """
-
-    family: Family | None = None
-    heading = ""
-    writes = False
-    offline = False
-    _own: list[click.Parameter] | None = None
-    _shared: list[click.Parameter] | None = None
-    _parser: tuple[list[click.Parameter], Any] | None = None
-
-    def refused(self) -> frozenset[str]:
-        """Common options that this command cannot use, by key; "" means all options of the link.
-
-        Who gives one all the same is told why (`command.invocation`, `command_tree.Command`).
-        """
-        keys = set() if self.writes else {"dry_run", "yes", "history"}
-        if not self.writes and self.family is None:
-            keys |= {"assume_identity"}
-        if self.offline:
-            keys |= {"", "assume_identity"}
-        if self.family is not None:
-            keys |= {*self.family.lacks}
-        return frozenset(keys)
-
-    def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        if self._own is None:
-            self._own = super().get_params(ctx)
-        if command_line(ctx).bare:
-            return [*self._own]
-        if self._shared is None:
-            family = self.family
-            wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
-            named = {
-                name for param in self.params for name in param.opts
-            }  # an option of its own stands for the shared one
-            shared = shared_options(wires, own, self.refused())
-            self._shared = [option for option in shared if not named & {*option.opts}]
-        return [*self._own, *self._shared]
-
-    def make_parser(self, ctx: click.Context) -> Any:
-        """As click does, but once for the same options: a parser keeps nothing of a line but its context.
-
-        Short options are found at once. Else each that is typed costs click the import of difflib, for what it would suggest
-        in place of a long one.
-        """
-        params = self.get_params(ctx)
-        if self._parser is None or params != self._parser[0]:
-            made = super().make_parser(ctx)
-            long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
-            if isinstance(long, dict) and isinstance(short, dict):
-                long.update(short)
-            self._parser = params, made
-        made = self._parser[1]
-        parser: Any = object.__new__(type(made))  # as `copy.copy`, which takes ten times as long
-        vars(parser).update(vars(made), ctx=ctx)
-        return parser
-
-    def get_help_option(self, ctx: click.Context) -> click.Option:
-        return HELP
-
-    def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        common = [param for param in self.get_params(ctx) if isinstance(param, SharedOption)]
-        own = [param for param in self.get_params(ctx) if isinstance(param, click.Option) and param not in common]
-        records = [param.get_help_record(ctx) for param in own]
-        with formatter.section("Options"):
-            formatter.write_dl([record for record in records if record is not None])
-        self.format_examples(ctx, formatter)
-        self.format_common(ctx, formatter, [param for param in common if not param.hidden])
-
-    def format_examples(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        write_examples(ctx, formatter)
-
-    def format_common(
-        self, ctx: click.Context, formatter: click.HelpFormatter, options: Sequence[SharedOption]
-    ) -> None:
-        """The common options of a command: their names, and where they are explained."""
-        with formatter.section("Common options (see `handctl help options` or handctl(1))"):
-            for title in (CONNECTION, OUTPUT, WRITING):
-                names = [max(option.opts, key=len) for option in options if option.section == title]
-                if names:
-                    _wrapped(formatter, f"{title}: {', '.join(names)}", "  ", "    ")
-
-
 def write_examples(ctx: click.Context, formatter: click.HelpFormatter) -> None:
     """Two or three command lines with what they show."""
     if examples := examples_of(words_of(ctx))[:MOST_SHOWN]:
         with formatter.section("Examples"):
             for line, text in examples:
                 formatter.write(f"  {line}\n")
-                _wrapped(formatter, text.replace("`", ""), "      ")
+                wrapped(formatter, text.replace("`", ""), "      ")
 
 
-def _wrapped(formatter: click.HelpFormatter, text: str, first: str, later: str | None = None) -> None:
+def wrapped(formatter: click.HelpFormatter, text: str, first: str, later: str | None = None) -> None:
     """A text with each option in one piece: click would break at hyphens."""
     later = first if later is None else later
     import textwrap

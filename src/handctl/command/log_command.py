@@ -35,7 +35,7 @@ from handctl.record.recording_loop import Limits, Loop
 from handctl.record.row_source import Ended, Sample, Source
 from handctl.record.timeline import TORN_MS, is_torn
 from handctl.screen.csv_output import REMARKS, column_of, in_persons_unit
-from handctl.screen.plain_tables import text_of
+from handctl.screen.sanitize import text_of
 from handctl.wording import plural
 
 if TYPE_CHECKING:

@@ -1,21 +1,121 @@
-"""The options: those that every command, group and the root accept, those that several commands share. Their types are in `command.option_types`.
+"""The options: those that every command, group and the root accept, those that several commands share, and what types their values have.
 
-The level nearest the verb wins; `command.settings_precedence` adds the environment and the configuration file.
+The level nearest the verb wins; `command.invocation.resolve` adds the environment and the configuration file.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cache, reduce
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from handctl.command.option_types import SECONDS, FiniteRange, Hertz, InFile, OutFile, WholeRange
 from handctl.errors import UsageError
 from handctl.families import FAMILIES, HISTORY, OwnOption
 from handctl.fast_classes import NamedTuple
 from handctl.model.export_formats import FORMATS as EXPORT_FORMATS
+
+if TYPE_CHECKING:
+    from handctl.command.family import Family
+
+# -- numbers, whose messages say what they accept --------------------------------------------------------------------
+
+NEGATIVE_NUMBERS = {"ignore_unknown_options": True}
+"""Settings of a command that takes ``-100`` as an argument; `model.param.given` then refuses a mistyped option."""
+LONGEST = 1e6
+"""Seconds, 11 days: more is a slip of the pen, and more than some clocks of an operating system can wait for."""
+
+
+def range_in_words(kind: click.IntRange | click.FloatRange) -> str:
+    """The limits of a number: ``above 0, up to 1000000``."""
+    low = "" if kind.min is None else f"above {kind.min:g}" if kind.min_open else f"{kind.min:g}"
+    high = "" if kind.max is None else f"below {kind.max:.10g}" if kind.max_open else f"{kind.max:.10g}"
+    if low and high:
+        return f"{low}, up to {high}" if kind.min_open and not kind.max_open else f"{low} to {high}"
+    return f"{low if kind.min_open else f'{low} or more'}" if low else f"{high} or less"
+
+
+def _convert(self: Any, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+    """As the range of click that this is one of, in our words."""
+    try:
+        number = self.number(value)
+    except ValueError:
+        self.fail(f"{value} is not a {self.noun}.", param, ctx)
+    if not float("-inf") < number < float("inf"):
+        self.fail(f"{value} is not a finite number.", param, ctx)
+    try:
+        return self.range.convert(self, value, param, ctx)
+    except click.BadParameter:
+        self.fail(f"{value} is out of range: {range_in_words(self)}.", param, ctx)
+
+
+class FiniteRange(click.FloatRange):
+    """A finite number in a range."""
+
+    number, noun, range = float, "number", click.FloatRange
+    _describe_range, convert = range_in_words, _convert
+
+
+class WholeRange(click.IntRange):
+    """A whole number in a range."""
+
+    number, noun, range = int, "whole number", click.IntRange
+    _describe_range, convert = range_in_words, _convert
+
+
+SECONDS = FiniteRange(min=0, min_open=True, max=LONGEST)
+"""A number above 0 that a clock can wait for."""
+
+
+class Hertz(FiniteRange):
+    """Samples a second: 0 for as fast as it goes, or a rate whose period a clock can wait for."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        rate = super().convert(value, param, ctx)
+        if 0 < rate < 1 / LONGEST:
+            self.fail(f"{value} is one sample in more than {LONGEST:.0f} seconds.", param, ctx)
+        return rate
+
+
+# -- files ----------------------------------------------------------------------------------------------------------
+
+
+class _File(click.Path):
+    """`additional`: suffixes of files that belong to it. `grows`: it is only appended to."""
+
+    reads = False
+
+    def __init__(self, *, additional: tuple[str, ...] = (), grows: bool = False) -> None:
+        super().__init__(
+            dir_okay=not self.reads
+        )  # of one to write a folder is refused where it is known what is written
+        self.additional = additional
+        self.grows = grows
+
+
+class InFile(_File):
+    """A file that a command reads."""
+
+    reads = True
+
+
+class OutFile(_File):
+    """A file that a command writes. "-" is stdout for --output alone, and no file of that name."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if value == "-":
+            if getattr(param, "key", "") == "output":
+                return None
+            self.fail("this cannot go to stdout: give the name of a file (./- for a file called -).", param, ctx)
+        from handctl.system.disk import is_device
+
+        if is_device(value):
+            self.fail(f"{value} is a device, not a file. To connect to it, use -p {value}.", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+# -- what a command line has said ---------------------------------------------------------------------------------------
 
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 META = "handctl"
@@ -196,6 +296,18 @@ def own_options(kind: str = "") -> tuple[OwnOption, ...]:
     return tuple(sorted(found, key=lambda option: not option.named))
 
 
+def lacking(family: Family) -> dict[str, str]:
+    """What the protocol of a family does not have: the key of the option -> its name."""
+    return ({} if family.ids else {"id": "device ids"}) | ({"baud": "serial port"} if family.baud is None else {})
+
+
+def refuse_lacking(family: Family, given: Collection[str]) -> None:
+    """Raise UsageError when an option is `given` for what the protocol of this family does not have."""
+    for key, what in lacking(family).items():
+        if key in given:
+            raise UsageError(f"--{key}: {family.kind} has no {what}", hint=f"run the command without --{key}")
+
+
 @cache
 def lasting_options(wires: tuple[str, ...]) -> Sequence[SharedOption]:
     """The shared options that a variable and the configuration file may hold."""
@@ -374,7 +486,7 @@ _listed = [
     f"{name} ({one.about}{', needs handctl[' + name + ']' if one.library else ''})"
     for name, one in EXPORT_FORMATS.items()
 ]
-EXPORTS_LISTED = f"{', '.join(_listed[:-1])} or {_listed[-1]}."
+EXPORTS = f"{', '.join(_listed[:-1])} or {_listed[-1]}."
 """What --to offers every family, in its help."""
 SEGMENT = click.option("--segment", type=WholeRange(min=1), metavar="N", help="Only segment N.")
 RESAMPLE = click.option(
@@ -385,7 +497,7 @@ RESAMPLE = click.option(
 )
 export_options = combined_options(
     LOG,
-    click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=f"Output: {EXPORTS_LISTED}"),
+    click.option("--to", "kind", type=click.Choice(list(EXPORT_FORMATS)), help=f"Output: {EXPORTS}"),
     SEGMENT,
     RESAMPLE,
 )

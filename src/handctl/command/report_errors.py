@@ -8,8 +8,7 @@ from typing import Any
 
 import click
 
-from handctl.command.command_tree import root
-from handctl.command.help_text import NoCommand
+from handctl.command.command_tree import NoCommand, root
 from handctl.command.options import words_of
 from handctl.errors import HandctlError, Interrupted, OutputError
 

@@ -16,23 +16,23 @@ import click
 
 from handctl.command.connection import Connection, Session
 from handctl.command.envelope import (
-    Outcome,
     device_row,
     explained_error,
     from_click,
     interrupted,
     make_envelope,
+    more_serious,
     renamed,
     with_cause,
 )
 from handctl.command.family import Family, implied
 from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
 from handctl.command.options import FACTS
-from handctl.command.terminal_prompts import print_writes
+from handctl.command.terminal_prompts import print_message, print_writes
 from handctl.errors import OTHER_DEVICE, HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned
 from handctl.model.command_settings import Settings
-from handctl.model.result import Column, Journal, LineQuality, Table
+from handctl.model.result import Column, Journal, LineQuality, Message, Table
 from handctl.model.write_ledger import SENT
 from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from handctl.link import Link
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
+    from handctl.screen.render import Context
 
 
 class Asked(NamedTuple):
@@ -89,6 +90,97 @@ class PlannedAction(NamedTuple):
         return self.look(device) if self.look is not None else self.asked
 
 
+class Outcome:
+    """What comes of one command. Messages are shown after the result, or as they arrive once a stream has begun.
+
+    table    what its body returned, or what was read before it failed
+    failure  what went wrong
+    """
+
+    def __init__(self, asked: Invocation) -> None:
+        self.table: Table | None = None
+        self.failure: HandctlError | None = None
+        self._asked = asked
+        self._held: list[Message] = []
+        self._told: set[str] = set()
+        self._live = False
+
+    @property
+    def streams(self) -> bool:
+        """Whether the table is a stream."""
+        return self.table is not None and self.table.samples is not None
+
+    @property
+    def extra(self) -> dict[str, Any]:
+        """Further keys of the envelope."""
+        return self.table.extra if self.table is not None else {}
+
+    def heard(self, message: Message) -> None:
+        """A message of the device or of a check."""
+        if message.code in self._asked.journal.times:  # see Journal.count
+            if message.code in self._told:
+                return  # the envelope has the number
+            self._held = [one for one in self._held if one.code != message.code]
+        self._held.append(message)
+        if self._live:
+            self.tell()
+
+    def tell(self) -> None:
+        """What has been held back so far."""
+        settings = self._asked.settings
+        held = [] if settings.quiet or settings.format in ("json", "ndjson") else self._held
+        for message, later in zip(held, [*held[1:], None], strict=False):
+            self._asked.prompts.done()
+            once = later is not None and later[:2] == message[:2] and later.hint == message.hint
+            _print(message._replace(hint="") if once else message)  # what is to be done stands behind the last of them
+        self._told.update(one.code for one in self._held)
+        self._held.clear()
+
+    @contextmanager
+    def delaying_messages(self) -> Iterator[None]:
+        """Messages wait until it is over."""
+        before, self._live = self._live, False
+        try:
+            yield
+        finally:
+            self._live = before
+            self.tell()
+
+    def stream(self, context: Context) -> HandctlError | None:
+        """Show a stream to its end; what went wrong."""
+        from handctl.screen import render
+
+        table = self.table
+        assert table is not None
+        self.tell()  # of what was met before the first row
+        self._live = True
+        try:
+            with render.Sink(self._asked.settings) as place:
+                return render.stream(table, place, context)
+        except OutputError as exc:
+            return more_serious(table.failure, exc)
+
+    def show(self, context: Context) -> None:
+        """Show a finished result, or the error in formats that include it. Raises OutputError."""
+        from handctl.screen import render
+
+        if self.table is not None or render.speaks(self._asked.settings.format, self.failure):
+            with render.Sink(self._asked.settings) as place:
+                render.show(self.table, self.failure, place, context)
+        self.tell()
+
+    def lost(self, exc: OutputError) -> HandctlError:
+        """No result can be shown: what is known of the device goes to stderr, as JSON too, and its own error weighs more."""
+        for message in () if self._asked.settings.quiet else self._held:
+            _print(message)
+        self._held.clear()
+        return more_serious(self.failure, exc)
+
+
+def _print(message: Message) -> None:
+    print_message("note" if message.level == "info" else message.level, message.text, message.hint)
+
+
 class Run(Invocation):
     """One run of one command: what was asked (`Invocation`), the `connection` to a device, and the `outcome`."""
 
@@ -127,15 +219,13 @@ class Run(Invocation):
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
-        if self.opened is None:
-            link, before = self.open_link(), self.before
-            same = before is not None and before.link is link and before.again(self.journal)
-            self.opened = before if same else self._opened(link)
-        return self.opened
-
-    def _opened(self, link: Link) -> Any:
+        if self.opened is not None:
+            return self.opened
+        link, before, settings = self.open_link(), self.before, self.settings
+        if before is not None and before.link is link and before.again(self.journal):
+            self.opened = before
+            return before
         assert self.family is not None
-        settings = self.settings
         if self.writes:
             settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
         opened = self.family.open(link, settings, self.journal)
@@ -145,6 +235,7 @@ class Run(Invocation):
             from handctl.model.facts_file import words
 
             self.journal.info("facts-used", words(facts, str(settings.facts)))
+        self.opened = opened
         return opened
 
     def device_at(self, link: str, **settings: Any) -> Any:
@@ -184,10 +275,10 @@ class Run(Invocation):
     @property
     def stopped(self) -> HandctlError | None:
         """How a device of this command was stopped on the wish of another process; None where none was."""
-        for run in (self, *self.others):
-            if (stopped := run.connection.stopped) is not None:
-                return stopped
-        return None
+        stopped = self.connection.stopped
+        for other in self.others:
+            stopped = stopped or other.connection.stopped
+        return stopped
 
     @contextmanager
     def viewed(self, pressed: Callable[[str], bool]) -> Iterator[bool]:

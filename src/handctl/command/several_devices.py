@@ -17,7 +17,7 @@ import click
 from handctl.command import snapshots
 from handctl.command.command_lines import ScriptLine, parse_line
 from handctl.command.library_call import Call
-from handctl.command.option_types import OutFile
+from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined, typed
 from handctl.model.result import Column, Grid, Row, Sample, Table

@@ -140,13 +140,10 @@ class Link(ABC):
 
     def discard(self) -> None:
         """Drop unread input: late replies and unsolicited messages. Raises LinkError."""
+        take = getattr(self, self._comes_in)
         for _ in range(STALE_READS):
-            if not self._take(self.at_once):
+            if not take(self.at_once):
                 return
-
-    @abstractmethod
-    def _take(self, deadline: Deadline) -> object:
-        """What has arrived; nothing on silence until `deadline`."""
 
     def reconnect(self, seconds: float) -> bool:
         """Open a connection that was lost again, once; what it had not delivered is dropped. False where there is none.
@@ -265,9 +262,6 @@ class FrameLink(Link):
     def send(self, frame: CanFrame, deadline: Deadline) -> None:
         """Queue one frame. Raises LinkError."""
 
-    def _take(self, deadline: Deadline) -> object:
-        return self.receive(deadline)
-
     @abstractmethod
     def receive(self, deadline: Deadline) -> CanFrame | None:
         """The next extended data frame of any identifier; None on silence until `deadline`. Raises LinkError."""
@@ -290,9 +284,6 @@ class ByteLink(Link):
     @abstractmethod
     def write(self, data: bytes, deadline: Deadline) -> None:
         """Hand all of `data` to the line before `deadline`. Raises LinkError."""
-
-    def _take(self, deadline: Deadline) -> object:
-        return self.read(deadline)
 
     def framing_errors(self) -> int | None:
         """Bytes without a stop bit where it should be, and breaks, that this end has counted so far: a wrong baud rate has many.

@@ -18,6 +18,7 @@ import os
 import sys
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, nullcontext
+from math import inf
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from handctl import interrupts
@@ -66,7 +67,7 @@ def parse_line(line: str, number: int) -> Entry:
         except ValueError:
             pass  # told below
         else:
-            if len(text) == 3 * len(data) - 1 and not text[2::3].strip(" ") and 0 <= moment < float("inf"):
+            if len(text) == 3 * len(data) - 1 and not text[2::3].strip(" ") and 0 <= moment < inf:
                 return Entry(moment, parts[1], data, "", None, number)
     words = line.split()
     time = None
@@ -75,7 +76,7 @@ def parse_line(line: str, number: int) -> Entry:
             time = float(words[0])
         except ValueError:
             raise ValueError(f"expected a time or one of > < !, found {words[0][:40]!r}") from None
-        if not 0 <= time < float("inf"):
+        if not 0 <= time < inf:
             raise ValueError(f"{words[0][:40]} is not a time in seconds since the start")
         words = words[1:]
     if not words or words[0] not in (">", "<", "!"):

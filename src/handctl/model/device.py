@@ -28,7 +28,7 @@ from handctl.errors import (
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.model.command_settings import Settings
-from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange, elements_of
+from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c, stopped_by_error
 from handctl.model.stop_sequence import (
@@ -508,7 +508,7 @@ class Device(ABC):
     def dump(self) -> Table:
         """Everything documented that every device of this kind has."""
         dumped = [param for param in self.map if param.readable and not param.optional]
-        return self.table(self.present(self.read([element for param in dumped for element in elements_of(param)])))
+        return self.table(self.present(self.read([element for param in dumped for element in param.each])))
 
     def with_findings(
         self,
@@ -689,7 +689,7 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
         if not written:
             continue
         whole = None in written  # a trigger concerns all axes
-        parts = [one for one in elements_of(device.map[release.held]) if whole or one.part in written]
+        parts = [one for one in device.map[release.held].each if whole or one.part in written]
         for element, old in zip(parts, _values(device, parts), strict=True):
             if release.frees(old, written[None if whole else element.part]):
                 freed[element.part or "", release.closing] = None
@@ -699,8 +699,8 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
     found: dict[PendingMove, None] = {}
     for course in device.setpoint_pairs:
         wanted = {part for part, _ in freed}
-        targets = [one for one in elements_of(device.map[course.target]) if one.part in wanted]
-        places = [one for one in elements_of(device.map[course.actual]) if one.part in wanted]
+        targets = [one for one in device.map[course.target].each if one.part in wanted]
+        places = [one for one in device.map[course.actual].each if one.part in wanted]
         values = _values(device, [*targets, *places])
         at = dict(zip((one.full_name for one in (*targets, *places)), values, strict=True))
         for element in targets:
@@ -716,7 +716,7 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
             if (part, False) in freed or course.closes(here, there):
                 found[PendingMove(part, course.target, here, there)] = None
     found.update({one: None for part, one in unshown.items() if part in triggered})
-    forces = [one for param in device.map if param.acts == PUSHES for one in elements_of(param)]
+    forces = [one for param in device.map if param.acts == PUSHES for one in param.each]
     forces = [one for one in forces if (one.part or "", False) in freed]
     for element, force in zip(forces, _values(device, forces) if forces else (), strict=True):
         if force:

@@ -280,7 +280,7 @@ class ParamMap(Generic[P]):
             for param in self
             if param.writable and param.readable and (not param.optional or param.name in bases)
             if param.kind == SETTING or (setpoints and param.kind == COMMAND)
-            for element in elements_of(param)
+            for element in param.each
         ]
 
     @property
@@ -292,14 +292,14 @@ class ParamMap(Generic[P]):
         """The parameter of that name, None where there is none."""
         return self._params.get(name)
 
-    def find(self, name: str) -> tuple[P, list[Element]]:
+    def find(self, name: str) -> tuple[P, Sequence[Element]]:
         """``position_set`` -> all its elements; ``position_set.index`` -> that one. Raises UsageError with near names."""
         base, dot, part = name.partition(".")
         param = self._params.get(base) or self.texts.get(base)
         if param is None:
             raise UsageError(f"{self.kind} has no quantity {name!r}", hint=self._near(base), code="unknown-name")
         if not dot:
-            return param, elements_of(param)
+            return param, param.each
         if part not in param.elements:
             known = ", ".join(param.elements) or "none: it is a single value"
             raise UsageError(f"{base} has no element {part!r}", hint=f"its elements: {known}", code="unknown-name")
@@ -352,11 +352,6 @@ class ParamMap(Generic[P]):
                 hint=Hint("{} lists the writable quantities", f"{self.kind} describe"),
                 code="read-only",
             )
-
-
-def elements_of(param: Param) -> list[Element]:
-    """All elements of a parameter, in wire order."""
-    return [*param.each]
 
 
 class Reading(NamedTuple):

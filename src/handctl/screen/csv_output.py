@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.model.param import scale_of
 from handctl.model.result import Column, Row, name_of
-from handctl.screen.plain_tables import text_of
+from handctl.screen.sanitize import text_of
 
 if TYPE_CHECKING:
     from handctl.screen.render import Context

@@ -19,8 +19,7 @@ from handctl import interrupts
 from handctl.errors import HandctlError, Interrupted, OutputError
 from handctl.files import appended, atomic_write, writing
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
-from handctl.screen.plain_tables import aligned_line, aligned_lines, text_of
-from handctl.screen.sanitize import no_formula, shown, text_shown, utf8_stdout, value_shown
+from handctl.screen.sanitize import no_formula, shown, text_of, text_shown, utf8_stdout, value_shown
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -389,10 +388,10 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink,
                         max(width, *(len(text_of(r.get(column.key))) for r in sample.rows))
                         for width, column in zip(widths, columns, strict=True)
                     ]
-                    lines.append(aligned_line([column.heading for column in columns], widths, columns))
+                    lines.append(_aligned_line([column.heading for column in columns], widths, columns))
                     fixed, widths = widths, []
                 cells = [f"{row[c.key]:.3f}" if c.key == "t" else text_of(row.get(c.key)) for c in columns]
-                lines.append(aligned_line(cells, fixed, columns))
+                lines.append(_aligned_line(cells, fixed, columns))
         sink.write_sample("".join(lines))
         if sink.broken:
             return
@@ -475,7 +474,24 @@ def _grids(table: Table, sink: Sink, context: Context) -> None:
     for number, grid in enumerate(grids):
         if number:
             sink.write("\n")
-        for line in aligned_lines(grid, mark):
-            sink.write(line)
+        lines = [
+            grid.headings,
+            *([cell.text if isinstance(cell, Cell) else cell for cell in line] for line in grid.lines),
+        ]
+        widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+        columns = [Column("", right=position in grid.right) for position in range(len(widths))]
+        if grid.title:
+            sink.write(f"{grid.title}{f'  ({mark})' if mark else ''}\n")
+        sink.write("".join(_aligned_line(line, widths, columns) for line in lines))
+        sink.write("".join(f"{note}\n" for note in grid.notes))
     if mark and not any(grid.title for grid in grids):
         sink.write(f"({mark})\n")
+
+
+def _aligned_line(texts: Sequence[str], widths: Sequence[int], columns: Sequence[Column]) -> str:
+    """One line: two spaces between its cells, none behind the last."""
+    cells = (
+        text.rjust(width) if column.right else text.ljust(width)
+        for text, width, column in zip(texts, widths, columns, strict=True)
+    )
+    return "  ".join(cells).rstrip() + "\n"

@@ -59,6 +59,15 @@ def _spelled(letter: str) -> str:
     return f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}" if number < 0x10000 else f"\\U{number:08x}"
 
 
+def text_of(value: object) -> str:
+    """A value as CSV, plain and tables have it: "" for null."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    return str(value)
+
+
 def value_shown(value: object) -> object:
     """The same for what a row may hold: texts, and lists or dicts with texts in them."""
     if isinstance(value, str):

@@ -36,10 +36,7 @@ if TYPE_CHECKING:
     from handctl.link.device_lock import Lock
     from handctl.stop.stop_listener import StopListener
 
-UNSEEN = Aftermath(
-    "something that no command stops, such as a calibration, was started here shortly before, and its end has not been seen",
-    "switch the power off if the device still moves",
-)
+UNSEEN = "something that no command stops, such as a calibration, was started here shortly before, and its end has not been seen"
 MOST = 24
 """Bytes of an answer that are shown."""
 MOST_CAME = 256
@@ -239,7 +236,7 @@ class DeviceAccess:
         if left is None and (
             (self._lock is not None and self._lock.lasting) or (self.link is not None and self.link.now() < self._until)
         ):
-            left = UNSEEN
+            left = Aftermath(UNSEEN, "switch the power off if the device still moves")
         if left is None:
             return stopped
         error = stopped.error or DeviceRefused

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl import errors
 from handctl.command.family import on_can, wire_in
-from handctl.command.options import COMMAND_LINE, NAMED
+from handctl.command.options import COMMAND_LINE, NAMED, lacking
 from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, Hint, LinkError, UsageError
 from handctl.link import Deadline
 from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
@@ -282,7 +282,7 @@ def fall_back(run: Run) -> None:
         mine = [key for key, found in run.sources.items() if found.level == NAMED]
         _drop(run, mine, f"{settings.device!r} is of family {settings.kind} ({source.where})")
     settings, kind = run.settings, family.kind
-    for key, what in family.lacks.items():
+    for key, what in lacking(family).items():
         if getattr(settings, key) is not None:
             _drop(run, [key], f"{kind} has no {what}", told=run.sources[key] == COMMAND_LINE)
     port, wire, baud, (least, most) = settings.port, settings.wire, settings.baud, TIMEOUT

@@ -9,27 +9,22 @@ HINT = "set TEMP to a folder that you may write to" if sys.platform == "win32" e
 """Where there is no private folder."""
 
 
-def config_folder() -> str:
-    """$XDG_CONFIG_HOME, by default ~/.config; on Windows %APPDATA%."""
-    return _base("XDG_CONFIG_HOME", "APPDATA", ".config")
+CONFIG = ("XDG_CONFIG_HOME", "APPDATA", ".config")
+"""$XDG_CONFIG_HOME, by default ~/.config; on Windows %APPDATA%."""
+STATE = ("XDG_STATE_HOME", "LOCALAPPDATA", ".local", "state")
+"""$XDG_STATE_HOME, by default ~/.local/state; on Windows %LOCALAPPDATA%: what this machine keeps for this user."""
+DATA = ("XDG_DATA_HOME", "LOCALAPPDATA", ".local", "share")
+"""$XDG_DATA_HOME, by default ~/.local/share; on Windows %LOCALAPPDATA%."""
 
 
 def config_path() -> str:
     """The configuration file: HANDCTL_CONFIG, or handctl/config.toml in the user's configuration folder."""
-    return os.environ.get("HANDCTL_CONFIG") or os.path.join(config_folder(), "handctl", "config.toml")
+    return os.environ.get("HANDCTL_CONFIG") or os.path.join(user_folder(CONFIG), "handctl", "config.toml")
 
 
-def state_folder() -> str:
-    """$XDG_STATE_HOME, by default ~/.local/state; on Windows %LOCALAPPDATA%: what this machine keeps for this user."""
-    return _base("XDG_STATE_HOME", "LOCALAPPDATA", ".local", "state")
-
-
-def data_folder() -> str:
-    """$XDG_DATA_HOME, by default ~/.local/share; on Windows %LOCALAPPDATA%."""
-    return _base("XDG_DATA_HOME", "LOCALAPPDATA", ".local", "share")
-
-
-def _base(variable: str, on_windows: str, *below: str) -> str:
+def user_folder(of: tuple[str, ...]) -> str:
+    """CONFIG, STATE or DATA of this user."""
+    variable, on_windows, *below = of
     base = os.environ.get(variable, "")
     if sys.platform == "win32" and not os.path.isabs(base):
         base = os.environ.get(on_windows, "")

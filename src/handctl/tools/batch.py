@@ -13,7 +13,7 @@ from handctl.command.command_lines import ScriptLine, options_for_lines, parse_l
 from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.invocation import shown_steps, unsent
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Asked, Run
 from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined

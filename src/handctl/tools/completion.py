@@ -5,7 +5,6 @@ The script is generated at once, so that it fits this version also where no data
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import click
@@ -15,13 +14,13 @@ from handctl.command.run import Run
 from handctl.errors import OutputError, UsageError
 from handctl.files import atomic_write, text_lines, writing
 from handctl.model.result import Column, Table
-from handctl.system.user_folders import config_folder, data_folder
+from handctl.system.user_folders import CONFIG, DATA, user_folder
 
-PLACES: dict[str, tuple[Callable[[], str], str]] = {
-    "bash": (data_folder, "bash-completion/completions/handctl"),
-    "zsh": (data_folder, "zsh/site-functions/_handctl"),
-    "fish": (config_folder, "fish/completions/handctl.fish"),
-    "powershell": (data_folder, "handctl/handctl.ps1"),
+PLACES = {
+    "bash": (DATA, "bash-completion/completions/handctl"),
+    "zsh": (DATA, "zsh/site-functions/_handctl"),
+    "fish": (CONFIG, "fish/completions/handctl.fish"),
+    "powershell": (DATA, "handctl/handctl.ps1"),
 }
 """Shell -> the folder of what the user has for it, and the user's own file below."""
 SHELLS = tuple(PLACES)
@@ -58,7 +57,7 @@ def cli(run: Run, shell: str, install: bool) -> Table:
 def place(shell: str) -> Path:
     """The user's own file for this shell."""
     folder, below = PLACES[shell]
-    return Path(folder(), below)
+    return Path(user_folder(folder), below)
 
 
 def next_step(shell: str, path: Path) -> str:

@@ -18,11 +18,10 @@ from handctl.command import config_edit
 from handctl.command.command_tree import Group
 from handctl.command.config import DEVICE_KEYS, Config, Device, read_config
 from handctl.command.config_edit import stable_name
-from handctl.command.family import Family, refuse_missing, refuse_serial
-from handctl.command.option_types import InFile
-from handctl.command.options import COMMAND_LINE, Source, command_line, own_options
+from handctl.command.family import Family
+from handctl.command.invocation import refuse_serial, resolve
+from handctl.command.options import COMMAND_LINE, InFile, Source, command_line, own_options, refuse_lacking
 from handctl.command.run import Run
-from handctl.command.settings_precedence import resolve
 from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import BYTE_ORDER_MARK, read_text, text_lines
@@ -214,7 +213,7 @@ def check(run: Run, kind: str, given: dict[str, Any]) -> None:
     A path that may name another adapter tomorrow gets a warning with the better name.
     """
     family, port = family_of(kind), str(given["port"])
-    refuse_missing(family, given)
+    refuse_lacking(family, given)
     check_link(port, family)
     # the family itself refuses an id that it does not have
     family.open(NoFrames() if is_can(port) else NoLink(), run.settings._replace(**given), run.journal)

@@ -17,7 +17,7 @@ import click
 from handctl import __version__, files
 from handctl.charts.curves import PIXELS, SIDE, STYLE, Curve, Strip, escape, outline_svg, picture, unchanged
 from handctl.command.command_tree import Command
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES

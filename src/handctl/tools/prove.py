@@ -13,8 +13,7 @@ import click
 
 from handctl.command.command_tree import Command
 from handctl.command.family import load
-from handctl.command.option_types import FiniteRange, InFile, WholeRange
-from handctl.command.options import FamilyOption
+from handctl.command.options import FamilyOption, FiniteRange, InFile, WholeRange
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import DeviceRefused, HandctlError, Hint, Interrupted, UsageError
 from handctl.families import FAMILIES

@@ -7,8 +7,7 @@ from typing import Any
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.option_types import FiniteRange, InFile, OutFile, WholeRange
-from handctl.command.options import page_options, reads_option
+from handctl.command.options import FiniteRange, InFile, OutFile, WholeRange, page_options, reads_option
 from handctl.command.run import Run
 from handctl.errors import UsageError
 from handctl.families import FAMILIES

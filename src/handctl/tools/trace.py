@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
 from handctl.errors import CheckFailed, HandctlError, UsageError
 from handctl.families import FAMILIES
@@ -211,15 +211,15 @@ def show(run: Run, file: str, family: str | None, only: str | None, pattern: str
     Each row has time, direction, bytes, meaning and round-trip time. `*` marks errors. Stray bytes are those outside of any frame.
     """
     told = _TranscriptPrinter(file, family)
-    matches = _matcher(only, pattern)
+    rows = _wanted(told.rows(run), only, pattern)
     match run.settings.format:
         case "json":
-            return _collected(run, told, matches)
+            return _collected(told, rows)
         case "table":
-            _write_text(run, told, matches)
+            _write_text(run, told, rows)
             return None
         case _:
-            return _streamed(run, told, matches)
+            return _streamed(run, told, rows)
 
 
 @cli.verb("diff", offline=True)
@@ -322,8 +322,8 @@ class _TranscriptPrinter:
         return {} if self.statistics is None else {"statistics": self.statistics.as_row()}
 
 
-def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow], bool]:
-    """Which rows are shown."""
+def _wanted(rows: Iterator[TranscriptRow], only: str | None, pattern: str | None) -> Iterator[TranscriptRow]:
+    """Those that are shown."""
     try:
         wanted = re.compile(pattern, re.IGNORECASE) if pattern is not None else None
     except re.error as exc:
@@ -333,7 +333,7 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
         ) from exc
 
     if only is None and wanted is None:
-        return lambda _: True
+        return rows
 
     def matches(row: TranscriptRow) -> bool:
         if row.comment:
@@ -342,22 +342,22 @@ def _matcher(only: str | None, pattern: str | None) -> Callable[[TranscriptRow],
             return False
         return wanted is None or bool(wanted.search(row.meaning) or (row.piece and wanted.search(wire(row.piece))))
 
-    return matches
+    return filter(matches, rows)
 
 
-def _collected(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> Table:
+def _collected(told: _TranscriptPrinter, rows: Iterator[TranscriptRow]) -> Table:
     from handctl.files import Spool
 
     spool = Spool()
     failure: HandctlError | None = None
     try:
-        spool.take(row.as_json() for row in told.rows(run) if not row.comment and matches(row))
+        spool.take(row.as_json() for row in rows if not row.comment)
     except UsageError as exc:
         failure = exc
     return Table(spool=spool.blocks, failure=failure, extra=told.extra)
 
 
-def _streamed(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> Table:
+def _streamed(run: Run, told: _TranscriptPrinter, rows: Iterator[TranscriptRow]) -> Table:
     # Each sample is flushed: of a file several rows are one, what comes on stdin is shown as it comes.
     at_once = AT_ONCE if told.path != "-" else 1
     head, text_of_row = _texts(run.settings)
@@ -365,8 +365,8 @@ def _streamed(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptR
     def samples() -> Iterator[Sample]:
         some = [head]
         try:
-            for row in told.rows(run):
-                if not row.comment and matches(row):
+            for row in rows:
+                if not row.comment:
                     some.append(text_of_row(row))
                     if len(some) > at_once:
                         yield Sample(0.0, (), text="".join(some))
@@ -395,14 +395,13 @@ def _texts(settings: Settings) -> tuple[str, Callable[[TranscriptRow], str]]:
     return head, lambda row: begin + row.as_line(",", lambda text: csv_cell(guard(text))) + "\r\n"
 
 
-def _write_text(run: Run, told: _TranscriptPrinter, matches: Callable[[TranscriptRow], bool]) -> None:
+def _write_text(run: Run, told: _TranscriptPrinter, rows: Iterator[TranscriptRow]) -> None:
     from handctl.screen.render import Sink
 
     with Sink(run.settings) as sink:
         width = shutil.get_terminal_size().columns if sink.terminal else None
-        for row in told.rows(run):
-            if matches(row):
-                sink.write(row_text(row, width) + "\n")
+        for row in rows:
+            sink.write(row_text(row, width) + "\n")
             if sink.broken:
                 return
         for line in statistics_text(told.statistics):

@@ -260,7 +260,7 @@ class TranscriptRow:
                 own += f', "values": [{listed}]'
         head = (
             f'"direction": {SIDE_TEXTS[side]}, "kind": "{self.kind}", "bytes": "{self.bytes}", '
-            f'"meaning": {_text(self.meaning)}, "problem": {_text(problem or None)}'
+            f'"meaning": {_text(self.meaning)}, "problem": {_text(problem) if problem else "null"}'
         )
         return head, own
 
@@ -340,9 +340,9 @@ class Statistics:
 
     def note(self, told: TranscriptRow) -> None:
         """Count one row."""
-        if problem := told.problem:
-            self.problems[problem] = self.problems.get(problem, 0) + 1
         piece = told.piece
+        if (piece is None or piece.problem or told.unasked) and (problem := told.problem):
+            self.problems[problem] = self.problems.get(problem, 0) + 1
         if piece is None:
             return
         direction, size = piece.direction, len(piece.raw)
@@ -406,9 +406,9 @@ class TranscriptReader:
 
     def take(self, entry: Entry) -> list[TranscriptRow]:
         """The rows that this entry completes."""
-        note, found = self.statistics.note, self._entry(entry)
+        found = self._entry(entry)
         for told in found:
-            note(told)
+            self.statistics.note(told)
         return found
 
     def over(self) -> list[TranscriptRow]:
@@ -419,7 +419,8 @@ class TranscriptReader:
         return found
 
     def _entry(self, entry: Entry) -> list[TranscriptRow]:
-        stamp = Stamp(entry.time, entry.line)
+        time, data = entry.time, entry.data
+        stamp = Stamp(time, entry.line)
         if entry.mark == "!":
             found = [*self._pieces(self._explainer.flush()), *self._given_up(0)]
             self._explainer.event(entry.text)
@@ -428,14 +429,14 @@ class TranscriptReader:
                 self.statistics.families.setdefault(family)
             return [*found, TranscriptRow(stamp, stamp, event=entry.text)]
         direction = DIRECTIONS[entry.mark]
-        if entry.time is not None:
+        if time is not None:
             statistics = self.statistics
-            if statistics.start is None or entry.time < statistics.start:
-                statistics.start = entry.time
-            if statistics.end is None or entry.time > statistics.end:
-                statistics.end = entry.time
-        stamps, size = self._stamps[direction], len(entry.data)
-        pieces = self._explainer.feed(direction, entry.data, entry.can_id)
+            if statistics.start is None or time < statistics.start:
+                statistics.start = time
+            if statistics.end is None or time > statistics.end:
+                statistics.end = time
+        stamps, size = self._stamps[direction], len(data)
+        pieces = self._explainer.feed(direction, data, entry.can_id)
         whole = not stamps and len(pieces) == 1 and len(pieces[0].raw) == size and pieces[0].direction == direction
         if entry.can_id is None and not whole:
             stamps.append([size, stamp])

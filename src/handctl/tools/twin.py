@@ -14,7 +14,7 @@ from typing import Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile
+from handctl.command.options import InFile
 from handctl.command.run import Run
 from handctl.errors import CheckFailed, LinkError, UsageError
 from handctl.fast_classes import fast_dataclass, field

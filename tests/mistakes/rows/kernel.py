@@ -377,7 +377,7 @@ ROWS = (
     mistake(
         "recording-replaced-by-its-picture",
         "output half written",
-        "handctl.command.option_types",
+        "handctl.command.invocation",
         "files_of",
         "for path in given if isinstance(given, tuple) else (given,):",
         "for path in () if isinstance(given, tuple) else (given,):",

@@ -167,7 +167,7 @@ ROWS = (
     mistake(
         "facts-of-another-family-are-used",
         "another device",
-        "handctl.command.settings_precedence",
+        "handctl.command.invocation",
         "_take_facts",
         'if family is not None and family.kind != content["family"]:',
         "if family is not None and family.kind is None:",

@@ -15,7 +15,7 @@ ROWS = (
         "false success",
         "handctl.stop.device_access",
         "DeviceAccess.judged",
-        "left = UNSEEN",
+        'left = Aftermath(UNSEEN, "switch the power off if the device still moves")',
         "left = None",
         "tests/stop/test_calibration.py::test_a_stop_knows_of_a_calibration_that_another_command_has_started",
     ),

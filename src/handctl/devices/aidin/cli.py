@@ -11,8 +11,7 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import NEGATIVE_NUMBERS, FiniteRange
-from handctl.command.options import suspendable
+from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange, suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
 from handctl.devices.aidin.exchange import Conversation

@@ -36,7 +36,7 @@ from handctl.devices.aidin.parameter_map import (
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
 from handctl.families import FAMILIES
-from handctl.model.param import Number, elements_of
+from handctl.model.param import Number
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
 
@@ -288,7 +288,7 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
 
 def _motors(hand: AidinHand, values: Wire) -> Table:
     """The last encoder values reported."""
-    return hand.table([reading(hand.link.name, element, values) for element in elements_of(MOTOR_POS)])
+    return hand.table([reading(hand.link.name, element, values) for element in MOTOR_POS.each])
 
 
 def _count(ways: list[TravelDirection]) -> str:
@@ -445,9 +445,7 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
             hint=Hint("check the fingers, and run {} if they are not open", "aidin home"),
         )
     return (
-        _motors(hand, conversation.feedback.values[MOTOR_POS.key])
-        if blind
-        else hand.table(hand.read(elements_of(MOTOR_POS)))
+        _motors(hand, conversation.feedback.values[MOTOR_POS.key]) if blind else hand.table(hand.read(MOTOR_POS.each))
     )
 
 
@@ -521,7 +519,7 @@ def bias(hand: AidinHand) -> Table:
 
 def _compared(hand: AidinHand, before: Wire, earlier: Wire) -> tuple[Table, list[str]]:
     """The sensors now and `before`, and those that did not get closer to 0 than noise explains."""
-    table = hand.table(hand.read(elements_of(SENSOR_STATE)))
+    table = hand.table(hand.read(SENSOR_STATE.each))
     table.columns = (*hand.columns[:3], Column("before", "Before", right=True), *hand.columns[3:])
     worse = []
     changes = [abs(old - older) for old, older in zip(before, earlier, strict=True)]

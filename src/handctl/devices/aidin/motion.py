@@ -54,7 +54,7 @@ from handctl.model.movement import (
     failure_of_arrivals,
     listed,
 )
-from handctl.model.param import Number, Step, elements_of, given
+from handctl.model.param import Number, Step, given
 from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import Stopped
@@ -331,7 +331,7 @@ def move(hand: AidinHand, goal: Goal, prompts: Prompts, *, assume_homed: bool, e
         if not arrived:
             _tell_deadline(hand, seen)
     with in_force(HOLDS if arrived else GOES_ON):
-        table = hand.table(hand.read(elements_of(goal.target.feedback)))
+        table = hand.table(hand.read(goal.target.feedback.each))
     if table.failure is None:
         seen.note(hand.link.now(), _places(table))
         mark(hand, table, values, seen.arrivals(_pushing(hand, seen)), expect)
@@ -554,7 +554,7 @@ class _Drive:
             conversation.tick(data, by=self._goal.target.feedback)
             self._guide.progress(f"Currents on, {end.remaining:.1f} s left.", CTRL_C)
         found, param = self._told(), self._goal.target.feedback
-        table = self._hand.table([reading(self._hand.link.name, element, found) for element in elements_of(param)])
+        table = self._hand.table([reading(self._hand.link.name, element, found) for element in param.each])
         followed(self._hand, self._goal, values, table)
         return table
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from handctl.errors import UsageError
 from handctl.fast_classes import fast_dataclass, field
-from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap, elements_of
+from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, TRIGGER, Element, Number, Param, ParamMap
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 Range = tuple[float, float]
@@ -171,7 +171,7 @@ def _command(key: str, verb: str, doc: str, labels: tuple[str, ...], **more: Any
 class AidinMap(ParamMap[AidinParam]):
     """The book, with parts of an array by finger (`joint_pos.index`), by element (`joint_pos.q3`) or both."""
 
-    def find(self, name: str) -> tuple[AidinParam, list[Element]]:
+    def find(self, name: str) -> tuple[AidinParam, Sequence[Element]]:
         """``joint_pos.index`` -> the four of that finger. Raises UsageError with what there is."""
         base, dot, part = name.partition(".")
         base = base.lower()
@@ -180,7 +180,7 @@ class AidinMap(ParamMap[AidinParam]):
         param = self[base]
         chosen = [
             element
-            for element in elements_of(param)
+            for element in param.each
             if part in (element.part, param.finger_of(element.index), param.label_of(element.index))
         ]
         if not chosen:

@@ -19,7 +19,6 @@ from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, ENCODERS, Target
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.movement import ENDED
-from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import MOVE, Disturbed, Observation, Proof
 from handctl.wording import plural
@@ -253,7 +252,7 @@ def _coupled_range(hand: AidinHand, prompts: Prompts) -> Observation:
     ends = []
     for place in (low, high):
         _went(hand, ANGLES, f"index.q3={place:g}", prompts)
-        readings = hand.read(elements_of(AIDIN["joint_pos"]))
+        readings = hand.read(AIDIN["joint_pos"].each)
         ends.append([float(readings[index].value or 0.0) for index in (INDEX_Q3, INDEX_Q3 + 1)])
     told = ", ".join(f"q3 {q3:.1f} q4 {q4:.1f}" for q3, q4 in ends)
     if max(abs(q3 - place) for (q3, _), place in zip(ends, (low, high), strict=True)) > ARRIVED:

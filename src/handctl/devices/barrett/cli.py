@@ -13,8 +13,7 @@ from handctl.command.command_tree import Group
 from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, WholeRange
-from handctl.command.options import ALWAYS, SKIP
+from handctl.command.options import ALWAYS, SKIP, InFile, WholeRange
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.device import BarrettHand, check_line, step_of
 from handctl.devices.barrett.firmware.cli import add_firmware

@@ -53,7 +53,7 @@ from handctl.devices.barrett.status_and_parameter_views import (
 )
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer, NotPresent, ProtocolError, UsageError
 from handctl.model.device import Device
-from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Finding, Row, Table
 from handctl.model.stop_sequence import Stopped
 
@@ -458,7 +458,7 @@ class BarrettHand(Device):
     def dump(self) -> Table:
         """Every parameter of §5.3 and §5.4 against its default, and what later firmware has, by the version that it reports."""
         params = [param for param in BARRETT if param.readable and not param.since]
-        wanted = [element for param in params for element in elements_of(param)]
+        wanted = [element for param in params for element in param.each]
         readings = self.read(wanted)
         trouble = None
         try:

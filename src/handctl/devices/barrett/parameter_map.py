@@ -13,7 +13,7 @@ from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES
 from handctl.errors import UsageError
 from handctl.fast_classes import fast_dataclass
-from handctl.model.param import SETTING, Element, Number, Param, ParamMap, elements_of
+from handctl.model.param import SETTING, Element, Number, Param, ParamMap
 
 FINGERS = MOTORS[:3]
 NO_GAUGE = 255
@@ -131,10 +131,10 @@ class GclMap(ParamMap[GclParam]):
 
     def elements(self, *names: str, motors: Collection[int] = range(4)) -> list[Element]:
         """What is read of these mnemonics, of some motors only."""
-        every = [element for name in names for element in elements_of(self._by_mnemonic[name])]
+        every = [element for name in names for element in self._by_mnemonic[name].each]
         return [one for one in every if not one.param.elements or one.index in motors]
 
-    def find(self, name: str) -> tuple[GclParam, list[Element]]:
+    def find(self, name: str) -> tuple[GclParam, Sequence[Element]]:
         base, dot, part = name.partition(".")
         param = self._by_mnemonic.get(base.upper())
         if param is not None:

@@ -13,8 +13,7 @@ from handctl.command import get_set_watch, snapshots
 from handctl.command.command_tree import Command, Group
 from handctl.command.common_commands import NAMES, add_map_verbs
 from handctl.command.family import Family
-from handctl.command.option_types import InFile, OutFile
-from handctl.command.options import EXPORTS_LISTED, LOG, RESAMPLE, SEGMENT, SKIP, FamilyOption, log_options
+from handctl.command.options import EXPORTS, LOG, RESAMPLE, SEGMENT, SKIP, FamilyOption, InFile, OutFile, log_options
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
@@ -105,7 +104,7 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
     "--format",
     "kind",
     type=click.Choice([*TEXTS, *FORMATS]),
-    help=f"Output: mot (OpenSim motion file), csv (the columns of the log), {EXPORTS_LISTED} --format is the older name.",
+    help=f"Output: mot (OpenSim motion file), csv (the columns of the log), {EXPORTS} --format is the older name.",
 )
 @click.option("--si", is_flag=True, help="With csv: metres and radians instead of inches and degrees.")
 @SEGMENT

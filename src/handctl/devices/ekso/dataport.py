@@ -23,8 +23,9 @@ from handctl.devices.ekso.frames import (
     key_of,
     name_of,
     status_text,
+    unpack,
 )
-from handctl.devices.ekso.parameter_map import SETTINGS
+from handctl.devices.ekso.parameter_map import SIGNS
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import Gate, Line, harmless_to_others
@@ -192,8 +193,7 @@ class DataPort(Line):
 
     def settings_raw(self) -> tuple[int, ...]:
         """The 22 words of GetSettings as raw integers, each in its field's own sign."""
-        words = self.read(Command.GET_SETTINGS).words
-        return tuple(param.raw_of(word) for param, word in zip(SETTINGS, words, strict=True))
+        return unpack(self.read(Command.GET_SETTINGS).body, SIGNS["settings"])
 
     @property
     def moment(self) -> Moment:

@@ -6,13 +6,13 @@ Knows words and names, no bytes: those are the port's.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import cache, partial
+from functools import partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.frames import READS, START_MOVEMENT, Command, cancel_body, status_text
+from handctl.devices.ekso.frames import READS, START_MOVEMENT, Command, cancel_body, status_text, unpack
 from handctl.devices.ekso.parameter_map import (
     CLOCKS,
     DATA,
@@ -20,6 +20,7 @@ from handctl.devices.ekso.parameter_map import (
     MESSAGES,
     NAMED,
     NOTHING_SENT,
+    SIGNS,
     Clock,
     Word,
     boot_ms,
@@ -41,7 +42,7 @@ from handctl.errors import (
 )
 from handctl.model.device import Device
 from handctl.model.explainer import HOST
-from handctl.model.param import Element, Number, Reading, Step, elements_of
+from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
 from handctl.wording import plural
 
@@ -201,8 +202,7 @@ class Ekso(Device):
 
     def words(self, message: str) -> tuple[int, ...]:
         """The words of a message as raw integers in their fields' own sign."""
-        words = self.port.read(READS[message]).words
-        raws = tuple(param.raw_of(word) for param, word in zip(MESSAGES[message], words, strict=True))
+        raws = unpack(self.port.read(READS[message]).body, SIGNS[message])
         if message == "settings":
             self.known = raws
         return raws
@@ -221,7 +221,7 @@ class Ekso(Device):
         """Read elements with one request per message. Raises what went wrong when nothing could be read."""
         found: dict[str, Found] = {}
         with self.keep_partial(lambda: _picked(elements, found)):
-            messages = dict.fromkeys(_word(element).message for element in elements)
+            messages = dict.fromkeys([element.param.message for element in elements])  # type: ignore[attr-defined]
             known = self._lacking if messages.keys() - self._lacking.keys() else {}
             for message in messages:
                 try:
@@ -258,11 +258,11 @@ class Ekso(Device):
         return partial(self.port.send_ahead, READS[messages.pop()]) if len(messages) == 1 else None
 
     def element_keys(self, element: Element) -> Row:
-        param = _word(element)
+        param: Word = element.param  # type: ignore[assignment]
         return {"name": param.name, "word": None if isinstance(param, Clock) else param.word, "id": param.id}
 
     def value_keys(self, reading: Reading) -> Row:
-        param = _word(reading.element)
+        param: Word = reading.element.param  # type: ignore[assignment]
         assert reading.value is not None
         if isinstance(param, Clock):
             numbers = dict(zip((name for name, _, _ in param.parts), reading.raw, strict=False))
@@ -292,7 +292,7 @@ class Ekso(Device):
         if wrong:
             text = f"{self.link.name}: the device's {clock.name} is impossible: {', '.join(wrong)}"
             self.journal.warn("clock", text)
-        return Reading(elements_of(clock)[0], int.from_bytes(body[:3], "big"), body)
+        return Reading(clock.each[0], int.from_bytes(body[:3], "big"), body)
 
     def clock_row(self, what: str) -> Row:
         """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""
@@ -466,7 +466,7 @@ def _picked(elements: Sequence[Element], found: Mapping[str, Found]) -> list[Rea
     """The readings of these elements: only theirs are made, for the line waits for the next request meanwhile."""
     readings = []
     for element in elements:
-        param = _word(element)
+        param: Word = element.param  # type: ignore[assignment]
         message = found.get(param.message)
         if isinstance(message, tuple):
             readings.append(_reading(param, message[param.word]))
@@ -483,13 +483,7 @@ def _word(element: Element) -> Word:
 
 
 def _reading(param: Word, raw: int) -> Reading:
-    return Reading(_element(param), param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big"))
-
-
-@cache
-def _element(param: Word) -> Element:
-    """The same object for each sample: what it finds out of itself it keeps."""
-    return Element(param, 0)
+    return Reading(param.each[0], param.from_raw(raw), (raw & 0xFFFF).to_bytes(2, "big"))
 
 
 def one_setting(texts: Sequence[str]) -> tuple[Element, Number]:

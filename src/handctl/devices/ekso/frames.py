@@ -16,9 +16,10 @@ from __future__ import annotations
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from binascii import crc_hqx
+from collections.abc import Iterator
 from enum import IntEnum
-from functools import cache, lru_cache
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 from handctl.errors import ProtocolError, UsageError
@@ -130,16 +131,7 @@ def key_of(request: bytes) -> tuple[int, int]:
 
 def crc(data: bytes) -> int:
     """CRC-CCITT as the manual has it; 0000 over a whole good frame."""
-    return _crc_function()(data)
-
-
-@cache
-def _crc_function() -> Callable[[bytes], int]:
-    # Built once, and only when bytes are really sent: help and plans of other families do without crcmod.
-    import crcmod.predefined
-
-    function: Callable[[bytes], int] = crcmod.predefined.mkPredefinedCrcFun("crc-ccitt-false")
-    return function
+    return crc_hqx(data, 0xFFFF)
 
 
 @lru_cache(maxsize=4)
@@ -175,9 +167,9 @@ def cancel_body(word: int = DEFAULT_CANCEL_WORD) -> bytes:
     return struct.pack(">H", word)
 
 
-def unpack(body: bytes) -> tuple[int, ...]:
-    """The signed 16-bit words of a body, high byte first."""
-    return struct.unpack(f">{len(body) // 2}h", body[: len(body) // 2 * 2])
+def unpack(body: bytes, signs: str = "") -> tuple[int, ...]:
+    """The 16-bit words of a body, high byte first: signed, or each with its own of `signs`, h for signed and H for unsigned."""
+    return struct.unpack(">" + (signs or "h" * (len(body) // 2)), body[: len(body) // 2 * 2])
 
 
 def name_of(command: int) -> str:

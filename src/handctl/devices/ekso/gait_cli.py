@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile, OutFile
+from handctl.command.options import InFile, OutFile
 from handctl.command.run import Run
 from handctl.errors import CheckFailed
 from handctl.files import atomic_write, writing

@@ -13,7 +13,7 @@ from typing import Any
 
 from handctl.devices.ekso import write_checks
 from handctl.fast_classes import fast_dataclass
-from handctl.model.param import MEASURED, SETTING, Element, Number, Param, ParamMap, elements_of
+from handctl.model.param import MEASURED, SETTING, Element, Number, Param, ParamMap
 
 WALK = {0: "First Step", 1: "ActiveStep", 2: "ProStep", 3: "ProStep+"}
 STAND = {0: "Manual Lean", 1: "Auto Lean"}
@@ -312,6 +312,8 @@ FEEDBACK: tuple[Word, ...] = (
 """GetFeedback in the order of its words: left before right."""
 
 MESSAGES: dict[str, tuple[Word, ...]] = {"settings": SETTINGS, "data": DATA, "feedback": FEEDBACK}
+SIGNS = {name: "".join("h" if word.signed else "H" for word in words) for name, words in MESSAGES.items()}
+"""Message -> its words' signs, for `frames.unpack`: all words are read at once, for the line waits meanwhile."""
 
 
 @fast_dataclass(frozen=True, kw_only=True, eq=False)
@@ -354,12 +356,12 @@ class EksoMap(ParamMap[Word]):
                 if self._by_alias.setdefault(plain(alias), param.name) != param.name:
                     raise ValueError(f"{kind}: {alias} means two quantities")
 
-    def find(self, name: str) -> tuple[Word, list[Element]]:
+    def find(self, name: str) -> tuple[Word, Sequence[Element]]:
         """``step_length``, ``Step Length``, ``202`` -> that quantity. Raises UsageError with near names."""
         key = plain(name)
         known = self._by_alias.get(key)
         if known is not None and (not key.isdecimal() or key == name.strip()):  # -202 is no ParameterID
-            return self[known], elements_of(self[known])
+            return self[known], self[known].each
         if name.strip().isdecimal():
             raise write_checks.refusal(
                 write_checks.UNKNOWN,
@@ -369,7 +371,7 @@ class EksoMap(ParamMap[Word]):
         message, _, rest = name.strip().partition(".")
         for word in MESSAGES.get(message.casefold(), ()):
             if rest.casefold() == word.name:
-                return word, elements_of(word)
+                return word, word.each
         return super().find(name.strip().casefold() if key in self.texts else name)
 
     def _refuse_unsettable(self, param: Param) -> None:

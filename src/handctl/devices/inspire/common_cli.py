@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command import get_set_watch
-from handctl.command.option_types import OutFile
+from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire.register_map import address_in
 from handctl.errors import HandctlError, Hint, UsageError

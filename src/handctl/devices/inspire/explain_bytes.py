@@ -41,7 +41,7 @@ from handctl.model.explainer import (
     Values,
     stray,
 )
-from handctl.model.param import Element, Number, ParamMap, elements_of
+from handctl.model.param import Element, Number, ParamMap
 from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
 
@@ -404,7 +404,7 @@ class InspireExplainer(Cutter):
                 run = bytes(of_hand[at] for at in takewhile(of_hand.__contains__, count(address)))
                 yield f"hand-set {address} {run.hex().upper()}"
         for register in self.params:
-            for index, element in enumerate(elements_of(register)):
+            for index, element in enumerate(register.each):
                 value = values.get(element.full_name)
                 if isinstance(value, int | float) and not register.trigger and register.name != "id":
                     yield f"set {register.address_of(index) // register.per} {register.encode(value).hex().upper()}"

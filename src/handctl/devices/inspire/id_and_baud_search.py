@@ -27,7 +27,7 @@ from handctl.devices.inspire.can_bus import HINTS, NO_ACK_HINT, CanBus, bus_fail
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.identity import NOT_SHOWN, WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import QUIET_SECONDS
-from handctl.devices.inspire.register_bus import FRESH, FRESH_SHORT, READS, Span, ahead, at_speed, other_speed, question
+from handctl.devices.inspire.register_bus import AHEAD, FRESH, FRESH_SHORT, READS, Span, at_speed, other_speed, question
 from handctl.devices.inspire.serial_bus import SerialBus, frames_of_others, headless
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, CanFrame, Deadline
@@ -102,7 +102,7 @@ class Requester:
         """The first question to an id, or the `other` one, and what comes meanwhile. False when bytes came that belong to no valid reply."""
         flag, link = self._bus.read_flag, self._bus.link
         requests = [eb90.read_request(device_id, *question(device_id, flag, other=one), flag) for one in (other, False)]
-        before = ahead(link.baud if link.can_set_baud else None)
+        before = AHEAD.get(link.baud if link.can_set_baud else None, b"")
         probe = before + requests[0]
         if link.replayed:  # an older recording has other probes
             older = (probe, requests[0], before + requests[1], requests[1])

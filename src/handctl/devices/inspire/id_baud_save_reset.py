@@ -18,7 +18,7 @@ from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, R
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
-from handctl.model.param import Element, Reading, Step, elements_of
+from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
 
@@ -328,7 +328,7 @@ def clear_errors(hand: RegisterDevice) -> Table:
     """
     hand.identify()  # before anything is read: a stranger is named, not called silent
     names = ("error", "temperature")
-    elements = [element for name in names for element in elements_of(hand.map[name])]
+    elements = [element for name in names for element in hand.map[name].each]
     before = {reading.element.full_name: reading.value for reading in hand.read(elements)}
     hand.bus.try_write(
         hand.map["clear_errors"].address,

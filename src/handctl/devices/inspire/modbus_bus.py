@@ -290,18 +290,14 @@ class ModbusBus(ByteBus):
         self._last.reply = (pdu, answer) if pdu[0] == modbus_frames.READ else None
         return answer
 
-    def drain(self) -> bytes:
-        """See ByteBus. A second reply to the last read with other data is told."""
-        stale = super().drain()
-        replied, self._last.reply = self._last.reply, None
-        if stale and replied is not None:
-            pdu, answer = replied
-            decoder = TcpDecoder() if self.tcp else RtuDecoder(self.id, pdu)
-            decoder.feed(stale)
-            for second in frames_in(decoder):
-                if modbus_frames.answers(second.pdu, pdu) and second.transaction == answer.transaction:
-                    self._compare(answer, second)
-        return stale
+    def _look_for_second(self, replied: tuple[bytes, Answer], data: bytes) -> None:
+        """See ByteBus. `replied`: what was asked, and the reply."""
+        pdu, answer = replied
+        decoder = TcpDecoder() if self.tcp else RtuDecoder(self.id, pdu)
+        decoder.feed(data)
+        for second in frames_in(decoder):
+            if modbus_frames.answers(second.pdu, pdu) and second.transaction == answer.transaction:
+                self._compare(answer, second)
 
     def _compare(self, answer: Answer, second: Answer) -> None:
         if second.pdu != answer.pdu and not self._owed:

@@ -17,7 +17,7 @@ from handctl.devices.inspire.register_bus import RegisterBus, Span
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer
-from handctl.model.param import Step, elements_of
+from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import PERMANENT, WRITE_BACK, Disturbed, Observation, Proof, put_back
 from handctl.model.result import Table
@@ -107,7 +107,7 @@ def _reply_time(device: RegisterDevice) -> Observation:
 
 def _sign(names: tuple[str, ...], device: RegisterDevice) -> Observation:
     """Of words that the manual prints without a sign: one above 32767 is a negative number."""
-    readings = device.read([element for name in names for element in elements_of(device.own_map()[name])])
+    readings = device.read([element for name in names for element in device.own_map()[name].each])
     for one in readings:
         if one.error is not None:
             raise one.error
@@ -133,7 +133,7 @@ def _speed_register(device: RegisterDevice) -> Observation:
 
 
 def _set_points(name: str, device: RegisterDevice) -> Observation:
-    readings = device.read(elements_of(device.own_map()[name]))
+    readings = device.read(device.own_map()[name].each)
     values = [one.value for one in readings]
     told = f"{name}: {' '.join(map(str, values))}"
     return Observation(
@@ -248,7 +248,7 @@ def _supply(name: str, meter: float | None, device: RegisterDevice) -> Observati
         return Observation(None, "needs the reading of a voltmeter at the supply: --meter V")
     if name not in device.own_map():
         return Observation(None, f"this device has no {name}")
-    (reading,) = device.read(elements_of(device.own_map()[name]))
+    (reading,) = device.read(device.own_map()[name].each)
     if reading.error is not None or reading.value is None:
         raise reading.error or Disturbed(f"{name} was not read")
     return Observation(round(reading.value / meter, 2), f"{name} {reading.value} at {meter:g} V")

@@ -66,13 +66,8 @@ def question(device_id: int, flag: int, *, other: bool = False) -> Span:
     return (quiet or spans[:1])[-1 if other else 0]
 
 
-AHEAD = {19200: 1, 57600: 2, 921600: 32}
-"""bit/s -> how many 00 go ahead of a read: it ends within a byte that they have begun, and none begins at its end."""
-
-
-def ahead(baud: int | None) -> bytes:
-    """Bytes sent before a read at a baud rate at which no device has replied yet; None = the port has no baud rate."""
-    return bytes(AHEAD.get(baud or 0, 0))
+AHEAD: dict[int | None, bytes] = {19200: bytes(1), 57600: bytes(2), 921600: bytes(32)}
+"""bit/s -> what is sent before a read as long as no device has replied: it ends within a byte that this has begun, and none begins at its end."""
 
 
 # -- one device id ----------------------------------------------------------------------------------------------------
@@ -336,12 +331,19 @@ class ByteBus(RegisterBus):
     """Whether unread input was discarded a moment ago."""
 
     def drain(self) -> bytes:
-        """Discard unread input, such as late replies. Returns and counts it."""
+        """Discard unread input, such as late replies. Returns and counts it. A second reply to the last read with other data is told."""
         if self._empty:
-            self._empty = False
+            self._empty, self._last.reply = False, None
             return b""
         stale, self._rest = self._rest, b""
         while len(stale) <= MOST and (chunk := self.link.read(self.link.at_once)):
             stale += chunk
         self.journal.counters.stray_bytes += len(stale)
+        replied, self._last.reply = self._last.reply, None
+        if stale and replied is not None:
+            self._look_for_second(replied, stale)
         return stale
+
+    @abstractmethod
+    def _look_for_second(self, replied: Any, data: bytes) -> None:
+        """Tell where `data` has another reply to a read than `replied`, which was taken, with other values."""

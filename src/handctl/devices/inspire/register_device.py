@@ -110,7 +110,8 @@ class BlockReader:
             try:
                 if len(block.groups) > 1 and self._across_gaps and self._whole(block, memory):
                     continue
-                self._groups(block, memory)
+                for group in block.groups:
+                    self._group(group, memory)
             except FAILS as exc:
                 if (isinstance(exc, NoAnswer) or len(exc.came) > FLOOD) and not memory.blocks:
                     if first is not None:
@@ -160,30 +161,25 @@ class BlockReader:
                     break
         return False
 
-    def _groups(self, block: Block, memory: Memory) -> None:
-        for group in block.groups:
-            if memory.blocks and memory.bytes_at(group.address, len(group.span)) is not None:
-                continue
-            try:
-                self._group(group, memory)
-            except FAILS as exc:
-                if not (memory.blocks or isinstance(exc, NotPresent)):
-                    raise
-                memory.errors[group.name] = exc
-
     def _group(self, group: Register, memory: Memory) -> None:
-        """One group, by its elements where the device answers shorter reads only. Raises what it does not answer, NotPresent where it lacks that."""
-        if group.name in self._absent:
-            raise self._absent[group.name]
+        """One group, by its elements where the device answers shorter reads only. Raises what it does not answer as long as nothing was read."""
         span, failed = (group.address, len(group.span)), None
+        if memory.blocks and memory.bytes_at(*span) is not None:
+            return
+        if group.name in self._absent:
+            memory.errors[group.name] = self._absent[group.name]
+            return
         if span[1] <= self._most or group.count == 1:
             try:
                 memory.blocks.append((span[0], self._bus.read(*span)))
                 return
             except FAILS as exc:
-                if not memory.blocks or not self._leaves_open(exc):
+                if not memory.blocks:
                     raise
                 failed = exc
+                if not self._leaves_open(exc):
+                    memory.errors[group.name] = exc
+                    return
         for index in range(group.count) if group.count > 1 else ():
             span = group.address_of(index), group.size
             try:
@@ -200,7 +196,9 @@ class BlockReader:
         if failed is not None:
             if memory.blocks and self._lacks(span, memory, failed, len(group.span)):
                 failed = self._absent[group.name] = NotPresent.shown_by(failed)
-            raise failed
+            if not memory.blocks:
+                raise failed
+            memory.errors[group.name] = failed
 
     def _lacks(self, span: Span, memory: Memory, failed: HandctlError, whole: int) -> bool:
         """Whether the device refuses, or is silent to, this alone: what it answered before it answers again, and not this, twice."""

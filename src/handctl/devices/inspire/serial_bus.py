@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.register_bus import FEWER, FRESH, FRESH_SHORT, ByteBus, ahead, question
+from handctl.devices.inspire.register_bus import AHEAD, FEWER, FRESH, FRESH_SHORT, ByteBus, question
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
@@ -327,28 +327,27 @@ class SerialBus(ByteBus):
             self._disturbed = _begins_request(came[:JUDGED].removeprefix(request))
             raise self._failure(request, came, started)
         self._rest, self._disturbed, self._slow = decoder.rest(), False, False
-        if decoder.skipped:
+        if decoder.skipped and replied is not None:
             self._look_for_second(replied, came)
         if request[4] == self.read_flag:
             self._last.reply = (prefixes[0], frame)
             if self._rest:
                 self._look_for_second(self._last.reply, self._rest)
         self.round_trip = self.link.now() - started
-        self._learn(request, came, decoder.skipped, pieces)
+        # What a good exchange shows of the line.
+        line, size = self.journal.line, len(came)
+        if size < SHORT + len(request):
+            line.trips.add(self.round_trip)
+        if size >= SHORT and not decoder.skipped:
+            line.pieces(pieces)
+        if line.echo is None:
+            line.echo = came.startswith(request)
+        if decoder.skipped and others_speak(request, came):
+            line.others = True
         return frame
 
-    def drain(self) -> bytes:
-        """See ByteBus. A second reply to the last read with other data is told."""
-        stale = super().drain()
-        if stale:
-            self._look_for_second(self._last.reply, stale)
-        self._last.reply = None
-        return stale
-
-    def _look_for_second(self, replied: tuple[bytes, Frame] | None, data: bytes) -> None:
-        """Tell where `data` has another reply to a read than the one that was taken, with other values; `replied`: how it begins, and it."""
-        if replied is None:
-            return
+    def _look_for_second(self, replied: tuple[bytes, Frame], data: bytes) -> None:
+        """See ByteBus. `replied`: how the reply begins, and it."""
         prefix, frame = replied
         decoder = Decoder([prefix])
         decoder.feed(data[:JUDGED])
@@ -362,7 +361,8 @@ class SerialBus(ByteBus):
 
         Part of an answer, with no more junk ahead of it, may go on coming for `patience` seconds after the deadline.
         """
-        received, pieces = bytearray(), list[int]()
+        received = bytearray()
+        pieces: list[int] = []
         last, trickles, junk = deadline.at + patience, False, 0
         while True:
             try:
@@ -391,18 +391,6 @@ class SerialBus(ByteBus):
         while not end.expired and (stray := self.link.read(self.link.deadline(PAUSE_SECONDS).earlier(end))):
             self.journal.counters.stray_bytes += len(stray)
 
-    def _learn(self, request: bytes, received: bytes, skipped: int, pieces: Sequence[int]) -> None:
-        """What a good exchange shows of the line."""
-        line, size = self.journal.line, len(received)
-        if size < SHORT + len(request) and self.round_trip is not None:
-            line.trips.add(self.round_trip)
-        if size >= SHORT and not skipped:
-            line.pieces(pieces)
-        if line.echo is None:
-            line.echo = received.startswith(request)
-        if skipped and others_speak(request, received):
-            line.others = True
-
     def send(self, request: bytes, deadline: Deadline | None = None) -> None:
         """Write one or more request frames, or whatever bytes."""
         self.pass_gate(request)
@@ -415,7 +403,7 @@ class SerialBus(ByteBus):
         link = self.link
         if self._met or not link.can_set_baud or not eb90.only_reads(request):
             return b""
-        first = ahead(link.baud)
+        first = AHEAD.get(link.baud, b"")
         return first if not link.replayed or link.is_next_recorded(first + request) else b""
 
     def pace(self, seconds: float) -> float | None:

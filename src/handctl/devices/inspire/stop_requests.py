@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
-from handctl.devices.inspire.register_bus import ahead, question
+from handctl.devices.inspire.register_bus import AHEAD, question
 from handctl.errors import CheckFailed
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
@@ -53,7 +53,7 @@ def asks(number: int, flag: int) -> tuple[Step, bytes]:
 
 def lead(context: StopContext) -> bytes:
     """Bytes sent before a frame to an unidentified device: another device may hear it at a different baud rate."""
-    return b"" if context.proven or context.can else ahead(context.speed)
+    return b"" if context.proven or context.can else AHEAD.get(context.speed, b"")
 
 
 class Wire(NamedTuple):

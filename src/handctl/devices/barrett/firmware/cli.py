@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile, WholeRange
+from handctl.command.options import InFile, WholeRange
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.status_and_parameter_views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError

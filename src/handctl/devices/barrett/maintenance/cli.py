@@ -8,8 +8,7 @@ import click
 
 from handctl.command import get_set_watch
 from handctl.command.command_tree import Group
-from handctl.command.option_types import OutFile, WholeRange
-from handctl.command.options import BOUNDS, watch_options
+from handctl.command.options import BOUNDS, OutFile, WholeRange, watch_options
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import motor_prefix
 from handctl.devices.barrett.parameter_map import BARRETT

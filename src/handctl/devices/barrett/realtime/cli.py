@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command.command_tree import Group
-from handctl.command.option_types import InFile, OutFile, WholeRange
-from handctl.command.options import mark_options, streaming, suspendable
+from handctl.command.options import InFile, OutFile, WholeRange, mark_options, streaming, suspendable
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.gcl.codec import encode
 from handctl.devices.barrett.parameter_map import BARRETT, TRAVEL

@@ -10,7 +10,6 @@ from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.errors import Hint
-from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 
@@ -72,7 +71,7 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
             hint=Hint("check the positions with {}", "exo status"),
         )
     hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
-    after = hand.read([e for name in ("position_actual", "force_actual", "error") for e in elements_of(EXO[name])])
+    after = hand.read([e for name in ("position_actual", "force_actual", "error") for e in EXO[name].each])
     table = calibration_result(hand, EXO["calibrate"], frame, after)
     table.rows[0]["seconds"] = round(seconds, 1)
     return table

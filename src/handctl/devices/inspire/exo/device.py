@@ -23,7 +23,7 @@ from handctl.link import ByteLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import Release, SetpointPair, limits_of
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
-from handctl.model.param import Element, Number, Reading, Step, elements_of, given
+from handctl.model.param import Element, Number, Reading, Step, given
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Finding, Grid, Journal, Row, Table
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
@@ -171,7 +171,7 @@ class ExoHand(RegisterDevice):
             raise
         readings = [
             Reading(element, number, eb90.pack_s16([number]))
-            for element, number in zip(elements_of(replied), numbers, strict=True)
+            for element, number in zip(replied.each, numbers, strict=True)
         ]
         return self.table(readings)
 
@@ -200,7 +200,7 @@ class ExoHand(RegisterDevice):
     def status(self, check: bool) -> Table:
         """The health summary for each finger. With `check`, any finding is a CheckFailed (exit code 7)."""
         names = ("id", "baud_code", "system_voltage", "position_set", "force_set", *LIVE)
-        readings = self.present(self.read([element for name in names for element in elements_of(EXO[name])]))
+        readings = self.present(self.read([element for name in names for element in EXO[name].each]))
         table = self.table(readings)
         table.view = status_view
         findings = unhealthy(readings)
@@ -230,7 +230,7 @@ class ExoHand(RegisterDevice):
         On another hand of the same maker address 1005 is the factory reset, so save and reset look first.
         """
         identify_alone(self)
-        readings = self.read([element for param in EXO if param.readable for element in elements_of(param)])
+        readings = self.read([element for param in EXO if param.readable for element in param.each])
         for reading in readings:
             if reading.error is not None and not self.lacks(reading.error):
                 raise reading.error
@@ -365,7 +365,7 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
     this = Movement(
         [Goal(FINGERS[index], value, NEAR) for index, value in values.items()],
         STILL,
-        elements_of(EXO["position_actual"]),
+        EXO["position_actual"].each,
         lambda readings: {reading.element.part or "": AxisReading(reading.value) for reading in readings},
         lambda seen, _: _evidence(hand) if seen.short else None,
     )
@@ -374,7 +374,7 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
 
 def _evidence(hand: ExoHand) -> dict[str, AxisReading]:
     """Why fingers are not at their targets: error bits, or a current that shows something in their way."""
-    readings = hand.read([element for name in ("error", "current") for element in elements_of(EXO[name])])
+    readings = hand.read([element for name in ("error", "current") for element in EXO[name].each])
     at = {reading.element.full_name: int(reading.value or 0) for reading in readings}
     return {
         finger: AxisReading(

@@ -11,7 +11,7 @@ from handctl.devices.inspire.raw import check_values, forceable, refused, severa
 from handctl.devices.inspire.register_map import ALONE
 from handctl.errors import UsageError
 from handctl.model.explainer import HOST
-from handctl.model.param import Step, elements_of
+from handctl.model.param import Step
 
 WORN = "This may move or change a hand that a person may be wearing"
 
@@ -56,7 +56,7 @@ def _check_frame(frame: eb90.Frame) -> None:
 
 def check_command(which: str, values: Sequence[int]) -> None:
     """Refuse values that the command for five fingers does not have: -1 is one of the position registers only. Raises UsageError."""
-    for element, value in zip(elements_of(EXO[f"{which}_set"]), values, strict=True):
+    for element, value in zip(EXO[f"{which}_set"].each, values, strict=True):
         element.param.check(value, f"{which} {element.part}")
         if which == "position" and value == ALONE:
             raise UsageError(

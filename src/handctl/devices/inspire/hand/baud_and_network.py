@@ -14,7 +14,7 @@ from handctl.devices.inspire.hand.generations import DF, MODELS, TP
 from handctl.devices.inspire.hand.register_map import IP_ADDRESS
 from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.families import FAMILIES
-from handctl.model.param import Element, Number, elements_of
+from handctl.model.param import Element, Number
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table, hex_bytes
 
@@ -30,7 +30,7 @@ FACTORY = "192.168.11.210"
 def show_speed(hand: Hand) -> Table:
     """The baud rate code and its neighbouring register."""
     _tell_places(hand)
-    return hand.table(hand.read(elements_of(hand.map["baud_code"])))
+    return hand.table(hand.read(hand.map["baud_code"].each))
 
 
 def _tell_places(hand: Hand) -> None:
@@ -118,7 +118,7 @@ def over_network(hand: Hand) -> bool:
 def show_network(hand: Hand) -> Table:
     """The IP address of the hand, and what the computer must have. Raises DeviceRefused where it has none."""
     address = held(hand)
-    table = hand.table(hand.read(elements_of(hand.map[IP_ADDRESS])))
+    table = hand.table(hand.read(hand.map[IP_ADDRESS].each))
     hand.journal.info(
         "network",
         f"the hand has {'.'.join(map(str, address))}, port {FAMILIES['hand'].tcp_port} (Modbus TCP)",
@@ -136,7 +136,7 @@ def held(hand: Hand) -> list[int]:
             hint="only a tactile hand (RH56DFTP, RH56E2) has one. Nothing was written.",
             code="not-on-model",
         )
-    return [int(reading.value or 0) for reading in hand.read(elements_of(hand.map[IP_ADDRESS]))]
+    return [int(reading.value or 0) for reading in hand.read(hand.map[IP_ADDRESS].each)]
 
 
 def address_plan(hand: Hand, octets: Sequence[int]) -> list[tuple[Element, Number]]:
@@ -148,7 +148,7 @@ def address_plan(hand: Hand, octets: Sequence[int]) -> list[tuple[Element, Numbe
             hint="only a tactile hand (RH56DFTP, RH56E2) has one. Nothing was sent.",
             code="not-on-model",
         )
-    return list(zip(elements_of(register), octets, strict=True))
+    return list(zip(register.each, octets, strict=True))
 
 
 def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycled_next: bool = False) -> Table:
@@ -163,7 +163,7 @@ def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycle
             hint="leave only that hand switched on, and connect to the address it reports. Nothing was written.",
             code="other-address",
         )
-    errors = [reading for reading in hand.read(elements_of(hand.map["error"])) if reading.value]
+    errors = [reading for reading in hand.read(hand.map["error"].each) if reading.value]
     if errors:
         raise CheckFailed(
             f"{bus.where}: the hand reports errors: {', '.join(str(one.element.part) for one in errors)}",

@@ -10,7 +10,6 @@ from handctl.devices.inspire.calibration import calibrating, calibration_result,
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.errors import Hint
-from handctl.model.param import elements_of
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 
@@ -26,7 +25,7 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
     """Start it after a countdown, wait for its end, show the forces then. Raises DeviceRefused on Ctrl-C once it runs."""
     hand.identify()
     bus, register = hand.bus, hand.map["calibrate_force"]
-    before = hand.read(elements_of(hand.map["force_actual"]))
+    before = hand.read(hand.map["force_actual"].each)
     for left in range(COUNTDOWN, 0, -1):
         prompts.progress(f"the hand moves in {left} s: keep it open and empty, and do not touch it", "Ctrl-C cancels.")
         bus.pause(1.0)
@@ -54,7 +53,7 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
             else "this connection has no frame that reports the end of a calibration, so handctl checks the forces instead",
             hint="check force_actual: an unloaded hand reads about 0 g",
         )
-    after = hand.read([one for name in ("force_actual", "error") for one in elements_of(hand.map[name])])
+    after = hand.read([one for name in ("force_actual", "error") for one in hand.map[name].each])
     table = calibration_result(hand, register, frame, after)
     was = {reading.element.part: reading.value for reading in before}
     for row in table.rows:

@@ -16,8 +16,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.option_types import NEGATIVE_NUMBERS, SECONDS
-from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, REPLY_WAIT, streaming
+from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS, streaming
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.detect_generation import ModelGate
@@ -41,7 +40,7 @@ from handctl.families import FAMILIES
 from handctl.link import ByteLink, FrameLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
-from handctl.model.param import COMMAND, Element, Number, Step, elements_of, given
+from handctl.model.param import COMMAND, Element, Number, Step, given
 from handctl.model.result import Column, Journal, Row, Table
 from handctl.system.user_folders import config_path
 
@@ -566,7 +565,7 @@ def _steps(run: Run, other: str | None, octets: list[int] | None, *, moving: boo
 
         steps += planner.plan(address_plan(planner, octets))
     elif other is None:
-        steps += planner.plan([(elements_of(planner.map["id"])[0], 2)])
+        steps += planner.plan([(planner.map["id"].each[0], 2)])
     return [*steps, planner.trigger_step("save", "save to flash")] if other is None else steps
 
 

@@ -32,7 +32,7 @@ from handctl.devices.inspire.register_device import BlockReader, RegisterDevice,
 from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
-from handctl.model.param import Element, Number, ParamMap, Reading, Step, elements_of
+from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.result import Cell, Finding, Grid, Journal, Row, Table
 from handctl.model.stop_sequence import StopContext
 
@@ -243,7 +243,7 @@ class Hand(RegisterDevice):
         for element in elements:
             own, param = self.map.get(element.param.name), element.param
             whole = own is not None and own.elements != param.elements and asked[param.name] == param.count
-            for one in elements_of(own) if own is not None and whole else [element]:
+            for one in own.each if own is not None and whole else [element]:
                 found[one.path] = one
         return list(found.values())
 
@@ -264,14 +264,14 @@ class Hand(RegisterDevice):
     def dump(self) -> Table:
         """Everything documented, in two reads on DF (rh56 §5)."""
         self.know()
-        readings = self.present(self.read([e for one in self.has if one.readable for e in elements_of(one)]))
+        readings = self.present(self.read([e for one in self.has if one.readable for e in one.each]))
         return self._with_blocks(self.table(readings))
 
     def status(self, check: bool) -> Table:
         """The health summary for each finger. With `check`, any finding gives exit code 7."""
         self.know()
         names = [one for one in self.has if one.name in SHOWN]
-        readings = self.present(self.read([element for one in names for element in elements_of(one)]))
+        readings = self.present(self.read([element for one in names for element in one.each]))
         table = self.table(readings)
         table.view = lambda rows: status_view(rows, self._spoken())
         return self.with_findings(table, unhealthy(readings), check)

@@ -16,7 +16,7 @@ from handctl.devices.inspire.register_map import ALONE, pushes
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
-from handctl.model.param import Changes, Element, Number, Reading, ValueChange, elements_of
+from handctl.model.param import Changes, Element, Number, Reading, ValueChange
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
 from handctl.model.stop_on_interrupt import on_early_end
@@ -42,7 +42,7 @@ def fit_to_move(hand: Hand) -> Before:
     """Read what the question must show, and refuse what forbids a movement. Raises CheckFailed (rh56 §9)."""
     hand.identify()
     names = (*MOVED.values(), "force_limit", "speed_set", "error", "status", "temperature")
-    readings = hand.read([element for name in names for element in elements_of(hand.map[name])])
+    readings = hand.read([element for name in names for element in hand.map[name].each])
     for reading in readings:
         if reading.error is not None:
             raise reading.error
@@ -157,7 +157,7 @@ def move(
     this = Movement(
         [_goal(group, part, target, before) for part, target in targets.items()],
         STILL,
-        [e for name in (MOVED[group], "status") for e in elements_of(hand.map[name]) if e.part in targets],
+        [e for name in (MOVED[group], "status") for e in hand.map[name].each if e.part in targets],
         seen,
         lambda watched, last: _evidence(hand, watched, last),
         pause=STILL.refresh,
@@ -182,7 +182,7 @@ def _evidence(hand: Hand, seen: Watch, last: Sequence[Reading]) -> dict[str, Axi
     """Of fingers that stand off their targets, also the current shows an object; but not whatever status says already."""
     status = {reading.element.part: reading for reading in last if reading.element.param.name == "status"}
     short = [part for part in seen.short if status[part].value not in (*NO_MOVE_STATUS, FORCE_REACHED)]
-    elements = [element for element in elements_of(hand.map["current"]) if element.part in short]
+    elements = [element for element in hand.map["current"].each if element.part in short]
     return {
         reading.element.part or "": AxisReading(None, contact=pushes(int(reading.value or 0)))
         for reading in (hand.read(elements) if elements else ())

@@ -22,7 +22,7 @@ from handctl.devices.inspire.hand.probe import TARGET, fingerprint
 from handctl.devices.inspire.scan import sweep
 from handctl.errors import Aftermath, CheckFailed, HandctlError, Hint, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
-from handctl.model.param import Step, elements_of
+from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.scan_task import ScanTask
 from handctl.model.stop_on_interrupt import on_early_end
@@ -193,7 +193,7 @@ def _apart(bench: Bench, number: int) -> list[Hand]:
     with naming_duplicate_id(hand):
         hand.know()
     refuse_duplicate_id(hand)
-    steps = hand.plan([(elements_of(hand.map["id"])[0], new)])
+    steps = hand.plan([(hand.map["id"].each[0], new)])
     saving = bench.hand(new).trigger_step("save", "save to flash")
     bench.confirm(
         f"This changes id {number} to {new} at once, on the connected hand, and saves it once both hands reply",

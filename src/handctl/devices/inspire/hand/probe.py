@@ -32,7 +32,6 @@ from handctl.errors import HandctlError, Hint, NoAnswer, ProtocolError
 from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline, FrameLink
 from handctl.model.device_picture import hint_for
-from handctl.model.param import elements_of
 from handctl.model.result import Finding, Journal, Row
 from handctl.model.scan_task import NOT_ASKED
 
@@ -85,7 +84,7 @@ def address_of(device: Hand) -> str:
         device.know()
         if IP_ADDRESS not in [one.name for one in device.has]:
             return ""
-        octets = [reading.value for reading in device.read(elements_of(device.map[IP_ADDRESS]))]
+        octets = [reading.value for reading in device.read(device.map[IP_ADDRESS].each)]
     except HandctlError:
         return ""
     return "" if None in octets or not any(octets) else ".".join(map(str, octets))
@@ -94,7 +93,7 @@ def address_of(device: Hand) -> str:
 def fingerprint(device: Hand) -> list[int]:
     """Readings that stay as they are while a hand rests, and that two hands do not share. Raises what the bus raises."""
     names = ("stroke_actual", "angle_actual")
-    readings = device.read([element for name in names for element in elements_of(device.map[name])])
+    readings = device.read([element for name in names for element in device.map[name].each])
     return [int(reading.value or 0) for reading in readings]
 
 
@@ -177,7 +176,7 @@ def _held(device: Hand) -> Values:
     wanted = ("error", "status", "temperature", "speed_set", "default_speed", "current_limit")
     own = [register for register in device.has if register.name in wanted]
     held: dict[str, dict[str, int]] = {}
-    for reading in device.read([element for register in own for element in elements_of(register)]):
+    for reading in device.read([element for register in own for element in register.each]):
         if reading.value is not None:
             held.setdefault(reading.element.param.name, {})[str(reading.element.part)] = int(reading.value)
     return held

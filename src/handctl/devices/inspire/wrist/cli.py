@@ -12,8 +12,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import ask_released
-from handctl.command.option_types import SECONDS
-from handctl.command.options import REPLY_WAIT
+from handctl.command.options import REPLY_WAIT, SECONDS
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
