@@ -349,8 +349,8 @@ ROWS = (
         "one witness believed",
         "handctl.record.clock_survey",
         "ClockLine.all_utc",
-        "return [at + b * (ms - begin) / 1000 for ms in t_ms]",
-        "return [at + (ms - begin) / 1000 for ms in t_ms]",
+        "return [at + b * (ms - begin) / 1000.0 for ms in t_ms]",
+        "return [at + (ms - begin) / 1000.0 for ms in t_ms]",
         "tests/ekso/test_formats.py::test_bids",
     ),
     mistake(
