@@ -522,3 +522,18 @@ def test_a_damaged_log_leaves_no_output(gait: Path, tmp_path: Path) -> None:
     assert done.code == 2
     assert "line 2: torso_pitch_deg" in done.err
     assert not (tmp_path / "out.csv").exists() or json.loads((tmp_path / "out.csv").read_text())["ok"] is False
+
+
+@pytest.mark.parametrize(
+    "how", [("--duration", "3", "--rate", "33"), ("--count", "700"), ("--count", "300", "--rate", "100")]
+)
+def test_a_replay_reads_the_feedback_where_the_recording_did(how: tuple[str, ...], tmp_path: Path) -> None:
+    """A second has passed a row earlier or later by the times of a transcript: then another request would have that msgID."""
+    first, again, trace = tmp_path / "a.csv", tmp_path / "b.csv", tmp_path / "a.trace"
+    assert log(first, *how, "--trace", str(trace), posture="walking").code == 0
+    done = run("ekso", "log", again, *how, "--json", "-p", f"replay:{trace}")
+    assert done.code == 0, done
+    rows, replayed = table(first), table(again)
+    assert [row["right_knee_angle_deg"] for row in rows] == [row["right_knee_angle_deg"] for row in replayed]
+    told, retold = (json.loads(Path(f"{path}.json").read_text())["feedback"] for path in (first, again))
+    assert told["answered"] == retold["answered"] > 2 and not retold["unanswered"]

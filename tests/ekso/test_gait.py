@@ -150,6 +150,51 @@ def test_a_heel_that_dies_on_the_way_makes_the_strides_behind_doubtful() -> None
     assert abs(share.mean - 62) < 100 / RATE / 1.2 and share.strides < 20
 
 
+@each_row("sensor", ["left_heel", "left_toe", "right_heel", "right_toe"])
+def test_a_sensor_that_sticks_at_full_on_the_way_is_named_and_the_strides_behind_are_doubtful(sensor: str) -> None:
+    """Its foot would stand for the rest of the walk: the other sensor still has the strides."""
+    side, at = sensor.partition("_")[0], 20.0
+    for plan in (Plan(), Plan(noise=6.0), LIMP, Plan(seconds=90)):
+        made = walk(plan)
+        (stretch,) = made.stretches
+        before = walk_in(made.stretches)
+        values = stretch.signals[sensor]
+        assert isinstance(values, list)
+        begin = next(row for row in range(stretch.at(at), len(values)) if values[row] > 700)
+        values[begin:] = [values[begin]] * (len(values) - begin)
+        seen = walk_in(made.stretches)
+        (remark,) = seen.remarks
+        assert (
+            remark == f"{sensor}_pressure never changes from {stretch.t[begin]:.1f} s on: it is dead, or not connected"
+        )
+        dies = stretch.t[begin]
+        assert all((one.doubt == ONE_SENSOR) is (one.side == side and one.end > dies) for one in seen.taken)
+        assert len(seen.taken) >= len(before.taken) - 2
+        assert Counter(one.refused for one in seen.steps)[STANDING] <= 1
+
+
+def test_a_sensor_that_is_stuck_at_full_in_a_later_segment_is_named_there() -> None:
+    first, second = walk(Plan()), walk(Plan(dead=("left_heel",), offset={"left_heel": 920.0}))
+    later = second.stretches[0]._replace(number=2)
+    seen = walk_in([*first.stretches, later])
+    assert seen.remarks == ["left_heel_pressure never changes from 0.0 s on: it is dead, or not connected"]
+    assert {(one.segment, one.side, one.doubt) for one in seen.taken} == {
+        (1, "left", ""), (1, "right", ""), (2, "left", ONE_SENSOR), (2, "right", ""),
+    }  # fmt: skip
+
+
+def test_a_sensor_that_sticks_at_full_while_nobody_walks_is_not_dead() -> None:
+    """A wearer who stands until the end loads it just so."""
+    made = walk(Plan(seconds=60, stands=((30.3, 58.0),), noise=0.5))
+    (stretch,) = made.stretches
+    for name in ("left_heel", "right_heel", "left_toe"):
+        values = stretch.signals[name]
+        assert isinstance(values, list)
+        begin = stretch.at(32.0)
+        values[begin:] = [900.0] * (len(values) - begin)
+    assert walk_in(made.stretches).remarks == []
+
+
 def test_a_contact_in_a_hole_is_none() -> None:
     """The foot is in the air before the hole and on the ground behind it."""
     _, seen = found(Plan(holes=((30.6, 31.5),)))

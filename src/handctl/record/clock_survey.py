@@ -52,8 +52,8 @@ class ClockLine(NamedTuple):
 
     def all_utc(self, t_ms: Sequence[int]) -> list[float]:
         """The host's time of each."""
-        at, b, begin = self.utc_s + self.a, self.b, self.t_ms
-        return [at + b * (ms - begin) / 1000 for ms in t_ms]
+        at, b, begin = self.utc_s + self.a, self.b, float(self.t_ms)
+        return [at + b * (ms - begin) / 1000.0 for ms in t_ms]
 
 
 class Event(NamedTuple):

@@ -130,7 +130,7 @@ def number_of(text: str) -> float:
 
 
 class Block:
-    """Some rows that follow each other: their texts by column, device times, segments.
+    """Some rows that follow each other: their texts by column, device times, segments. It is there until the next one is asked for.
 
     `known` is what the device's columns say, as `LogFile.blocks` was asked.
     """
@@ -165,6 +165,11 @@ class Block:
             texts = self.columns[name]
             self.known[name] = [float(texts[0])] * len(texts) if constant(texts) else list(map(float, texts))
         return self.known[name]
+
+    def integers(self, name: str) -> Sequence[int]:
+        """A column as integers."""
+        texts = self.columns[name]
+        return [int(texts[0])] * len(texts) if constant(texts) else list(map(int, texts))
 
 
 class LogFile:
@@ -312,6 +317,8 @@ class LogFile:
             last = (block.segments[-1], block.t_ms[-1])
             self._line += len(block.t_ms)
             yield block
+            block.columns.clear()  # so the next one finds memory that the processor still has at hand
+            block.known.clear()
             forget(self._tables.values())
 
     def _pieces(self) -> Iterator[bytes]:
@@ -349,7 +356,8 @@ class LogFile:
         segments = block.columns["segment"]
         if None in lead.values() or not constant(segments) or not self._right(block):
             return None
-        block.t_ms, block.segments = integers(lead["t_s"] or b""), [int(segments[0])] * len(segments)
+        block.t_ms = [round(1000 * seconds) for seconds in block.floats("t_s")]
+        block.segments = [int(segments[0])] * len(segments)
         follows = last <= (block.segments[0], block.t_ms[0]) and block.segments[0] <= last[0] + 1
         return block if follows and block.t_ms == sorted(block.t_ms) else None
 
@@ -406,23 +414,24 @@ class LogFile:
 
 def _columns(data: bytes, width: int) -> Sequence[Sequence[bytes]] | None:
     """The fields of some lines by column; None where one has another number of them, or not the end that all have."""
-    plain = data.replace(b"\r\n", b"\n").removesuffix(b"\r") if b"\r" in data else data
-    parted = plain.replace(b"\n", b",\n,")  # so the ends of the lines are a column as well
-    rows = (len(parted) - len(plain)) // 2 + 1
-    if len(data) - len(plain) not in (0, rows) or b"\r" in plain:
+    parted = data.replace(b"\n", b"\n,")  # so each line's end is that of its last field
+    rows = len(parted) - len(data) + 1
+    end, returns = (b"\r\n", rows) if data.endswith(b"\r") else (b"\n", 0)
+    if len(data) - len(data.replace(b"\r", b"")) != returns:  # quicker than to count them
         return None
-    if b'"' in plain:
+    if b'"' in data:
         try:
-            lines = list(csv.reader(plain.decode().split("\n"), strict=True))
+            lines = list(csv.reader(data.decode().removesuffix("\r").split(end.decode()), strict=True))
         except csv.Error:
             return None
         if len(lines) != rows or set(map(len, lines)) != {width}:
             return None
         return [[field.encode() for field in column] for column in zip(*lines, strict=True)]
     flat = parted.split(b",")
-    if len(flat) != rows * (width + 1) - 1 or flat[width :: width + 1].count(b"\n") != rows - 1:
+    last = b"".join(flat[width - 1 :: width]).removesuffix(b"\r").split(end)
+    if len(flat) != rows * width or len(last) != rows:
         return None
-    return [flat[at :: width + 1] for at in range(width)]
+    return [*(flat[at::width] for at in range(width - 1)), last]
 
 
 DIGITS = bytes.maketrans(b"123456789", b"0" * 9)

@@ -189,9 +189,10 @@ class Loop:
             self._clock.sleep(SHORTEST_S)
         self.pace.sent(answer.moment.sent)
         self._heard = self._clock.now()
-        lost = self._ask_ahead()
+        looks = self._source.is_next_look(due=self._heard >= self._look_due)
+        lost = None if looks else self._ask_ahead()
         if self._write():
-            self._begin_segment()
+            looks = self._begin_segment() or looks
         if lost is not None:
             raise lost
         if self._limits.over is not None:
@@ -200,7 +201,7 @@ class Loop:
             self._shown = self._heard
             with contextlib.suppress(OSError):  # a terminal that went away
                 self._prompts.progress(_progress(recording, self._heard - self._start), ENDS)
-        if self._source.looks and self._heard >= self._look_due:
+        if looks:
             self._look()
 
     def _write(self) -> bool:
@@ -209,15 +210,14 @@ class Loop:
         return answer is not None and self._recording.seq != self._seq and self._recording.add(answer, self._seq)
 
     def _ask_ahead(self) -> LinkError | KeyboardInterrupt | None:
-        """Ask for the row after this one where it is wanted, and nothing else is asked first.
+        """Ask for the row after this one where it is wanted.
 
         A port that is lost, and an interrupt, are raised behind this row. Nothing is held back for it: that takes longer than all
         else between an answer and the next request, in which the line has nothing to do.
         """
         limits = self._limits
-        looks = self._source.looks and self._heard >= self._look_due
         last = self._heard >= self._end or (limits.rows is not None and self._recording.rows + 1 >= limits.rows)
-        if limits.rate or limits.over is not None or looks or last:
+        if limits.rate or limits.over is not None or last:
             return None
         try:
             self._source.ask_ahead()
@@ -225,16 +225,17 @@ class Loop:
             return exc
         return None
 
-    def _begin_segment(self) -> None:
-        """Report a restart. After one, or a possible one, read again what it may have changed."""
+    def _begin_segment(self) -> bool:
+        """Report a restart. After one, or a possible one, read again what it may have changed; returns whether to look as well."""
         segment = self._recording.timeline.segments[-1]
         if segment.rebooted:
             self._prompts.say(f"The device restarted: its clock started at 0. Segment {segment.number} starts")
         if segment.rebooted is False and not segment.first.reopened:
-            return
+            return False
         self._look_due = self._heard
         with contextlib.suppress(NoAnswer, ProtocolError):  # it has just started: the settings may come late
             segment.settings_changed = changed(self._before, self._source.settings())
+        return self._source.is_next_look(due=True)
 
     def _look(self) -> None:
         recording = self._recording

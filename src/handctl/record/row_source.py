@@ -58,6 +58,10 @@ class Source(ABC):
         """What the sidecar says of the device and its link."""
         return {}
 
+    def is_next_look(self, *, due: bool) -> bool:
+        """Whether to `look` before the next row; `due`: a second has passed. Where a transcript plays the device, it decides."""
+        return due and self.looks
+
     def look(self, place: Place, row: int) -> bool:
         """Additional requests once a second; `place` is that of the last row, whose number is `row`.
 

@@ -63,11 +63,11 @@ class Exported(NamedTuple):
 
 
 class Points:
-    """The moments of a motion, 48 bytes each: ms from the first row, and the coordinates in hundredths of a degree."""
+    """The moments of a motion, 28 bytes each: ms from the first row, and the coordinates in hundredths of a degree."""
 
     def __init__(self) -> None:
         self.t_ms = array("q")
-        self.coordinates = [array("q") for _ in COORDINATES]
+        self.coordinates = [array("i") for _ in COORDINATES]
         self.still = 0
         """Rows left out: BootTime did not advance."""
 

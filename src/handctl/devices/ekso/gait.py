@@ -9,15 +9,17 @@ from __future__ import annotations
 
 from array import array
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Iterator, MutableSequence, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import chain, pairwise, zip_longest
+from itertools import accumulate, chain, pairwise, zip_longest
 from math import sqrt
-from typing import NamedTuple
+from typing import NamedTuple, overload
 
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.parameter_map import DATA
 from handctl.devices.ekso.recording_source import column_of
+from handctl.record.log_reader import as_written
 from handctl.record.timeline import GAP_PERIODS
 
 LEFT, RIGHT = "left", "right"
@@ -40,6 +42,10 @@ DEAD = 8.0
 """Counts: a sensor that never changes by more is dead."""
 ONLY_DRIFTS, WITHIN = 0.02, 0.5
 """Part of the course of the liveliest sensor: one that leaves its slope by less within so many seconds is dead as well."""
+TELLING = 5
+"""Steps of another sensor during which one stays at full: it is dead from there on."""
+FEWEST = 3
+"""Rows in which there may be a contact."""
 BRIEF = 0.08
 """Seconds: a shorter contact or lift is a bounce."""
 LONG, SHORT = 1.8, 0.5
@@ -65,7 +71,7 @@ class Stretch(NamedTuple):
 
     number: int
     t: MutableSequence[float]
-    signals: dict[str, MutableSequence[float]]
+    signals: Mapping[str, Sequence[float]]
 
     def at(self, moment: float) -> int:
         """The first row that is not before the moment."""
@@ -139,21 +145,44 @@ COLUMNS = {
 }  # fmt: skip
 
 
+class Scaled(Sequence[float]):
+    """Numbers with decimals, kept as integers of the last one: a log of hours stays small."""
+
+    def __init__(self, scale: int) -> None:
+        self.integers = array("i")
+        self._scale = scale
+
+    def __len__(self) -> int:
+        return len(self.integers)
+
+    @overload
+    def __getitem__(self, at: int) -> float: ...
+    @overload
+    def __getitem__(self, at: slice) -> list[float]: ...
+    def __getitem__(self, at: int | slice) -> float | list[float]:
+        if isinstance(at, slice):
+            return [one / self._scale for one in self.integers[at]]
+        return self.integers[at] / self._scale
+
+
 def stretches(log: LogFile) -> list[Stretch]:
     """The segments of a log. Raises UsageError with the line of a row that is none."""
     quantities = {name: next(q for q in DATA if column_of(q) == column) for name, column in COLUMNS.items()}
-    found: dict[int, Stretch] = {}
-    for block in log.blocks():
+    found: dict[int, tuple[array[float], dict[str, array[int]]]] = {}
+    made: list[Stretch] = []
+    for block in log.blocks(as_written):
         for number in sorted(set(block.segments)):
             part = block.of(number)
-            empty = Stretch(number, array("d"), {name: array("d") for name in SIGNALS})
-            stretch = found.setdefault(number, empty)
-            stretch.t.extend(t_ms / 1000 for t_ms in part.t_ms)
+            if number not in found:
+                scaled = {name: Scaled(10**quantity.decimals) for name, quantity in quantities.items()}
+                found[number] = array("d"), {name: one.integers for name, one in scaled.items()}
+                whole = {name: one if quantities[name].decimals else one.integers for name, one in scaled.items()}
+                made.append(Stretch(number, found[number][0], whole))
+            t, signals = found[number]
+            t.extend(t_ms / 1000 for t_ms in part.t_ms)
             for name, quantity in quantities.items():
-                scale = 10**quantity.decimals
-                numbers = log.numbers(quantity).of(part.columns[COLUMNS[name]])
-                stretch.signals[name].extend(numbers if scale == 1 else [one / scale for one in numbers])
-    return list(found.values())
+                signals[name].extend(log.numbers(quantity).of(part.columns[COLUMNS[name]]))
+    return made
 
 
 def walk_of(log: LogFile) -> Walk:
@@ -171,11 +200,17 @@ def walk_in(found: Sequence[Stretch]) -> Walk:
     contacts: dict[str, list[Step]] = {side: [] for side in SIDES}
     gaps: dict[int, list[tuple[float, float]]] = {}
     for stretch in found:
-        if len(stretch.t) < 3:
+        if len(stretch.t) < FEWEST:
             continue
         gaps[stretch.number] = _gaps(stretch)
+        working = [f"{side}_{name}" for side in SIDES for name in SENSORS if f"{side}_{name}" not in dead]
+        alive = {sensor: _alive(stretch, sensor, working, found) for sensor in working}
+        for sensor, rows in alive.items():
+            if rows < len(stretch.t):
+                since = f"never changes from {stretch.t[rows]:.1f} s on"
+                walk.remarks.append(f"{sensor}_pressure {since}: it is dead, or not connected")
         for side in SIDES:
-            sensors = [f"{side}_{name}" for name in SENSORS if f"{side}_{name}" not in dead]
+            sensors = {name: rows for name, rows in alive.items() if name.startswith(side) and rows >= FEWEST}
             contacts[side] += _contacts(stretch, side, sensors, walk.remarks)
     walk.steps = sorted(_judged(contacts, gaps, found), key=lambda step: (step.segment, step.contact, step.side))
     walk.figures = list(_figures(walk.taken, _period(found)))
@@ -191,11 +226,11 @@ def _dead(found: Sequence[Stretch], remarks: list[str]) -> set[str]:
     ranges, bends = {}, {}
     for sensor in (f"{side}_{name}" for side in SIDES for name in SENSORS):
         every = [stretch.signals[sensor] for stretch in found]
-        if not (values := sorted(chain(*every))):
+        if not (values := Ordered(chain(*every))):
             continue
         ranges[sensor] = _upper(values) - values[len(values) // 100]
         triples = (zip(one[::5], one[lag::5], one[2 * lag :: 5], strict=False) for one in every)
-        bends[sensor] = _upper(sorted(abs(a - 2 * b + c) for a, b, c in chain(*triples)))
+        bends[sensor] = _upper(Ordered(abs(a - 2 * b + c) for a, b, c in chain(*triples)))
     dead = set()
     for sensor, bend in bends.items():
         if ranges[sensor] < DEAD or bend < ONLY_DRIFTS * max(bends.values()):
@@ -205,27 +240,70 @@ def _dead(found: Sequence[Stretch], remarks: list[str]) -> set[str]:
     return dead
 
 
-def _upper(ordered: Sequence[float]) -> float:
+class Ordered:
+    """Values in order, each kept once with its count: hours repeat few."""
+
+    def __init__(self, values: Iterable[float]) -> None:
+        counts = Counter(values)
+        self._values = sorted(counts)
+        self._ends = list(accumulate(map(counts.__getitem__, self._values)))
+
+    def __len__(self) -> int:
+        return self._ends[-1] if self._ends else 0
+
+    def __getitem__(self, rank: int) -> float:
+        return self._values[bisect_right(self._ends, rank)]
+
+
+def _alive(stretch: Stretch, sensor: str, working: Sequence[str], found: Sequence[Stretch]) -> int:
+    """How many rows there are until a sensor stays at full while another one takes steps: none of the load that it shows then is one.
+
+    One that stays at its offset is not told from a foot that does not load it.
+    """
+    values = stretch.signals[sensor]
+    low = high = values[-1]
+    rows = len(values)
+    for value in reversed(values):
+        low, high = min(low, value), max(high, value)
+        if high - low >= DEAD:
+            break
+        rows -= 1
+    bottom = min(min(one.signals[sensor]) for one in found)
+    top = max(max(one.signals[sensor]) for one in found)
+    if values[-1] < bottom + STEEP * (top - bottom):
+        return len(values)
+    for other in working:
+        if other != sensor:
+            level = (min(stretch.signals[other]) + max(stretch.signals[other])) / 2
+            rises = sum(a < level <= b for a, b in pairwise(stretch.signals[other][rows:]))
+            if rises >= TELLING:
+                return rows
+    return len(values)
+
+
+def _upper(ordered: Ordered) -> float:
     """The greatest of these without the last hundredth."""
-    return ordered[-1 - len(ordered) // 100] if ordered else 0.0
+    return ordered[len(ordered) - 1 - len(ordered) // 100] if ordered else 0.0
 
 
 class Blocks(NamedTuple):
-    """Offset and gain of a sensor for each BLOCK seconds from the first row of a segment, and its noise."""
+    """Offset and gain of a sensor for each BLOCK seconds from the first row of a segment, where each begins and ends, its noise."""
 
     offset: list[float]
     gain: list[float]
+    rows: list[tuple[int, int]]
     noise: float
 
 
-def _blocks(t: Sequence[float], values: Sequence[float]) -> Blocks:
-    count = int((t[-1] - t[0]) / BLOCK) + 1
-    pieces: list[list[float]] = [[] for _ in range(count)]
-    for moment, value in zip(t, values, strict=True):
-        pieces[int((moment - t[0]) / BLOCK)].append(value)
-    known = [(place, sorted(piece)) for place, piece in enumerate(pieces) if piece]
-    low = {place: piece[len(piece) // 20] for place, piece in known}
-    high = {place: piece[-1 - len(piece) // 20] for place, piece in known}
+def _blocks(t: Sequence[float], values: Sequence[float], most: int) -> Blocks:
+    """Those of the first `most` rows."""
+    count = int((t[most - 1] - t[0]) / BLOCK) + 1
+    starts = [bisect_left(t, place, 0, most, key=lambda moment: int((moment - t[0]) / BLOCK)) for place in range(count)]
+    rows = list(pairwise([*starts, most]))
+    low, high = {}, {}
+    for place, (begin, end) in enumerate(rows):
+        if piece := sorted(values[begin:end]):
+            low[place], high[place] = piece[len(piece) // 20], piece[-1 - len(piece) // 20]
     offset: list[float] = []
     gain: list[float] = []
     for place in range(count):
@@ -243,39 +321,37 @@ def _blocks(t: Sequence[float], values: Sequence[float]) -> Blocks:
         if gain[place] < FLAT * usual:
             nearest = min(walks, key=lambda one: abs(one - place))
             offset[place], gain[place] = offset[nearest], gain[nearest]
-    steps = sorted(
+    steps = Ordered(
         abs(b - a)
-        for (moment, a), b in zip(zip(t, values, strict=True), values[1:], strict=False)
-        if a < offset[int((moment - t[0]) / BLOCK)] + 0.1 * usual
+        for (begin, end), bare in zip(rows, offset, strict=True)
+        for a, b in pairwise(values[begin : min(end + 1, most)])
+        if a < bare + 0.1 * usual
     )
-    return Blocks(offset, gain, 1.05 * steps[len(steps) // 2] if steps else 0.0)
+    return Blocks(offset, gain, rows, 1.05 * steps[len(steps) // 2] if steps else 0.0)
 
 
-def _loaded(t: Sequence[float], values: Sequence[float], blocks: Blocks) -> list[int]:
+def _loaded(values: Sequence[float], blocks: Blocks) -> bytearray:
     """For each row 2 = the sensor is loaded, 1 = it is if it was, 0 = it is not."""
-    states = []
-    levels = []
-    for offset, gain in zip(blocks.offset, blocks.gain, strict=True):
+    states = bytearray()
+    for offset, gain, (begin, end) in zip(blocks.offset, blocks.gain, blocks.rows, strict=True):
         rise = max(RISE * gain, NOISES * blocks.noise)
-        levels.append((offset + rise, offset + FALL * rise))
-    begin = t[0]
-    for moment, value in zip(t, values, strict=True):
-        high, low = levels[int((moment - begin) / BLOCK)]
-        states.append(2 if value >= high else 1 if value >= low else 0)
+        high, low = offset + rise, offset + FALL * rise
+        states += bytes([2 if value >= high else 1 if value >= low else 0 for value in values[begin:end]])
     return states
 
 
-def _contacts(stretch: Stretch, side: str, sensors: Sequence[str], remarks: list[str]) -> list[Step]:
-    """The contacts of a foot, each up to the next one; `end` of the last is NaN."""
+def _contacts(stretch: Stretch, side: str, sensors: Mapping[str, int], remarks: list[str]) -> list[Step]:
+    """The contacts of a foot, each up to the next one; `end` of the last is NaN. `sensors`: how many rows each works for."""
     if not sensors:
         return []
     states = []
-    for sensor in sensors:
-        blocks = _blocks(stretch.t, stretch.signals[sensor])
+    for sensor, rows in sensors.items():
+        values = stretch.signals[sensor]
+        blocks = _blocks(stretch.t, values, rows)
         moved, gain = blocks.offset[-1] - blocks.offset[0], max(blocks.gain)
         if gain and abs(moved) > DRIFTED * gain:
             remarks.append(f"{sensor}_pressure has drifted by {moved:+.0f} counts, {abs(moved) / gain:.0%} of its gain")
-        states.append(_loaded(stretch.t, stretch.signals[sensor], blocks))
+        states.append(_loaded(values, blocks).ljust(len(stretch.t), b"\0"))
     down, edges = False, []
     for row, now in enumerate(map(max, *states) if len(states) > 1 else states[0]):
         wanted = now > (0 if down else 1)
@@ -348,12 +424,13 @@ def _without_bounces(t: Sequence[float], edges: Sequence[int], *, down_first: bo
 
 def _period(found: Sequence[Stretch]) -> float:
     """Seconds between two samples."""
-    return _median(b - a for stretch in found for a, b in pairwise(stretch.t))
+    steps = Ordered(b - a for stretch in found for a, b in pairwise(stretch.t))
+    return steps[len(steps) // 2] if steps else 0.0
 
 
 def _gaps(stretch: Stretch) -> list[tuple[float, float]]:
     """The moments between which samples are missing."""
-    periods = sorted(b - a for a, b in pairwise(stretch.t))
+    periods = Ordered(b - a for a, b in pairwise(stretch.t))
     longest = GAP_PERIODS * max(periods[len(periods) // 2], 0.005)
     return [(a, b) for a, b in pairwise(stretch.t) if b - a > longest]
 

@@ -77,6 +77,10 @@ class EksoSource(Source):
             return {"device": device.isoformat(), "host_local": host.isoformat(timespec="seconds"), "offset_s": round((device - host).total_seconds(), 1)}  # fmt: skip
         return None
 
+    def is_next_look(self, *, due: bool) -> bool:
+        link = self._port.link
+        return link.is_next_recorded(self._port.request(Command.GET_FEEDBACK)) if link.replayed else due
+
     def look(self, place: Place, row: int) -> bool:
         """GetFeedback, once: the next row is worth more than a second try."""
         return self.feedback.add(self._port.exchange(Command.GET_FEEDBACK).words, place, row)

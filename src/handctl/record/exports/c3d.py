@@ -113,6 +113,10 @@ class Frames:
         ]
         """Where in a frame each column is."""
         self._wide = analog + len(self._linear) + 1
+        self._data = memoryview(
+            bytearray(struct.pack(f"<{self._wide}f", *[VALID] * (self._wide - 1), 1.0) * PIECE)
+        ).cast("f")
+        """The frames that are made next, whose values are written over those of the frames before."""
         self._begin, self._time = 0.0, inf
         self._last: list[float] = []
         """The numbers of the row before, at `_time`."""
@@ -168,31 +172,29 @@ class Frames:
             yield Way(before, parts, holes)
 
     def _put(self, file: IO[bytes], rows: Sequence[Sequence[float]], way: Way) -> None:
-        """Write these frames. What is the same in all of them is laid out once."""
-        wide, count = self._wide, struct.Struct(f"<{len(way.before)}f")
-        frame, missing = [VALID] * (wide - 1) + [1.0], set(way.holes)
-        varying: list[tuple[memoryview[float], int]] = []
+        """Write these frames."""
+        count, missing = len(way.before), set(way.holes)
+        frames, layout = self._data[: count * self._wide], struct.Struct(f"<{count}f")
         for column, linear, whole, places in zip(rows, self._linear, self._whole, self._places, strict=True):
             if constant(column):
-                for place in places:
-                    frame[place] = column[0] + 0.0
+                values = struct.pack("<f", column[0] + 0.0) * count
             else:
-                values = memoryview(count.pack(*way.values(column, missing, linear=linear, whole=whole))).cast("f")
-                varying += [(values, place) for place in places]
-        data = bytearray(struct.pack(f"<{wide}f", *frame) * len(way.before))
-        frames = memoryview(data).cast("f")
-        for values, place in varying:
-            frames[place::wide] = values
-        nothing = memoryview(bytes(4 * wide)).cast("f")
+                values = layout.pack(*way.values(column, missing, linear=linear, whole=whole))
+            for place in places:
+                frames[place :: self._wide] = memoryview(values).cast("f")
         for at in way.holes:
-            frames[at * wide : (at + 1) * wide] = nothing
-        for at in missing:
-            for place in self._residuals:
-                frames[at * wide + place] = INVALID
-            frames[(at + 1) * wide - 1] = 0.0
-        file.write(data)
-        self.written += len(way.before)
+            frames[at * self._wide : (at + 1) * self._wide] = memoryview(bytes(4 * self._wide)).cast("f")
+        self._mark(missing, INVALID, 0.0)
+        file.write(frames)
+        self._mark(missing, VALID, 1.0)
+        self.written += count
         self.holes += len(missing)
+
+    def _mark(self, frames: set[int], residual: float, recorded: float) -> None:
+        for at in frames:
+            for place in self._residuals:
+                self._data[at * self._wide + place] = residual
+            self._data[(at + 1) * self._wide - 1] = recorded
 
 
 def _before(moments: Sequence[float], ends: Sequence[float]) -> Sequence[int]:

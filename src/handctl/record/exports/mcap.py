@@ -20,7 +20,7 @@ from handctl.record.log_reader import Meanings, constant, forget
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
-    from handctl.record.log_reader import Block
+    from handctl.record.log_reader import Block, LogFile
 
 MAGIC = b"\x89MCAP0\r\n"
 CHUNK = 1 << 20
@@ -50,14 +50,10 @@ def write(export: Export) -> None:
         heads = [b"%b%b:" % (b"," if at else b"{", json.dumps(name).encode()) for at, name in enumerate(rows)]
         texts = Meanings(lambda text: json.dumps(text).encode())
         for _, block, utc in export.blocks(_number):
-            lead = [_plain(block, name, decimals) for name, decimals in log.lead]
-            columns = [*lead, *(block.known[one.column] for one in log.channels)]
-            columns += [texts.of(block.columns[name]) for name in log.texts]
-            forget([texts])
-            told = _rows(heads, columns)
             came = [round(time * NS) for time in block.floats("host_utc_s")]
-            asked = [number & 0xFFFFFFFF for number in map(int, block.columns["seq"])]
-            writer.add(data, [round(time * NS) for time in utc], told, came, asked)
+            asked = [int(number) & 0xFFFFFFFF for number in block.floats("seq")]
+            writer.add(data, [round(time * NS) for time in utc], _rows(log, heads, block, texts), came, asked)
+            forget([texts])
         for at, one in enumerate(export.events):
             text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
             time = round(one.utc_s * NS)
@@ -122,8 +118,8 @@ class Chunks:
         self, channel: int, times: Sequence[int], texts: Sequence[bytes], came: Sequence[int], numbers: Sequence[int]
     ) -> None:
         """Messages: log time, content, publish time, sequence."""
-        lengths, done = list(map(HEAD.size.__add__, map(len, texts))), 0
-        heads = map(HEAD.pack, repeat(5), map((-APART).__add__, lengths), repeat(channel), numbers, times, came)
+        lengths, done = [HEAD.size + len(text) for text in texts], 0
+        heads = map(HEAD.pack, repeat(5), [length - APART for length in lengths], repeat(channel), numbers, times, came)
         messages = chain.from_iterable(zip(heads, texts, strict=True))
         self._counts[channel] = self._counts.get(channel, 0) + len(lengths)
         while done < len(lengths):
@@ -210,8 +206,11 @@ def _bytes(*some: Any) -> bytes:
     return data
 
 
-def _rows(heads: Sequence[bytes], columns: Sequence[Sequence[bytes]]) -> list[bytes]:
-    """The rows of these columns, each value after its head; neighbours that are the same in all rows are joined once."""
+def _rows(log: LogFile, heads: Sequence[bytes], block: Block, texts: Meanings) -> list[bytes]:
+    """The rows as JSON, each value after its head; neighbours that are the same in all rows are joined once."""
+    columns = [_plain(block, name, decimals) for name, decimals in log.lead]
+    columns += [block.known[one.column] for one in log.channels]
+    columns += [texts.of(block.columns[name]) for name in log.texts]
     parts: list[Iterable[bytes]] = []
     same = b""
     for head, column in zip(heads, columns, strict=True):

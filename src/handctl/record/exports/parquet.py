@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import struct
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from importlib import import_module
 from itertools import accumulate
 from typing import TYPE_CHECKING, Any
@@ -37,23 +37,23 @@ def write(export: Export) -> None:
     ]
     said = {"handctl": json.dumps(export.about(), ensure_ascii=False)}
     schema = pyarrow.schema(fields, metadata=said)
+    gaps = {*export.log.texts, *(one.column for one in export.log.channels if one.decimals is None)}
+    columns = [Column(one.name, one.type, gaps=one.name in gaps) for one in fields]
     with (
         atomic_write(export.path, "wb") as file,
         parquet.ParquetWriter(file, schema, compression="snappy", use_dictionary=False) as writer,
     ):
-        waiting: list[Any] = []
-        whole = {name for name, _ in export.log.lead} | {
-            one.column for one in export.log.channels if one.decimals is not None
-        }
+        rows = 0
         for _, block, utc in export.blocks(surveyed=False):
-            fitted = _array(pyarrow.float64(), None, ("d", utc))
-            columns = [_column(block, one.name, one.type, whole=one.name in whole) for one in fields[:-1]]
-            waiting.append(pyarrow.record_batch([*columns, fitted], schema=schema))
-            if sum(batch.num_rows for batch in waiting) >= GROUP:
-                writer.write_table(pyarrow.Table.from_batches(waiting))
-                waiting = []
-        if waiting:
-            writer.write_table(pyarrow.Table.from_batches(waiting))
+            block.known[FIT] = utc
+            for column in columns:
+                column.take(block)
+            rows += len(utc)
+            if rows >= GROUP:
+                writer.write_table(pyarrow.Table.from_arrays([one.array(rows) for one in columns], schema=schema))
+                rows = 0
+        if rows:
+            writer.write_table(pyarrow.Table.from_arrays([one.array(rows) for one in columns], schema=schema))
 
 
 def _library() -> Any:
@@ -93,25 +93,46 @@ def _fields(log: LogFile) -> Iterator[tuple[str, str, dict[str, str]]]:
     yield FIT, "float64", {"unit": "s", "decimals": "6"}
 
 
-def _column(block: Block, name: str, kind: Any, *, whole: bool) -> Any:
-    """A column; numbers are the nearest doubles. `whole`: nothing is missing in it.
+class Column:
+    """A column of the rows that wait for their row group. Numbers are the nearest doubles. `gaps`: values may be missing in it.
 
     Laid out here: for that, and to read a text, the library loads 50 MB of others.
     """
-    texts, code = block.columns[name], CODES.get(str(kind))
-    there = None if whole or b"" not in texts else "".join("1" if text else "0" for text in reversed(texts))
-    if code is None:
-        return _array(kind, there, ("i", list(accumulate(map(len, texts), initial=0))), b"".join(texts))
-    numbers = block.floats(name) if code == "d" else block.known.get(name) or list(map(int, texts))
-    return _array(kind, there, (code, numbers))
 
+    def __init__(self, name: str, kind: Any, *, gaps: bool) -> None:
+        self._name, self._kind, self._gaps = name, kind, gaps
+        self._code = CODES.get(str(kind))
+        self._begin()
 
-def _array(kind: Any, there: str | None, numbers: tuple[str, Sequence[float]], *more: bytes) -> Any:
-    """An array of the library, with a bit for each value that is there; the last is the highest."""
-    import pyarrow
+    def _begin(self) -> None:
+        self._data: list[bytes] = []
+        self._lengths: list[int] = []
+        """Of texts."""
+        self._there: list[str] = []
+        """A digit for each value, 0 where it is missing."""
 
-    code, values = numbers
-    bits = there and int(there, 2).to_bytes(-(-len(there) // 8), "little")
-    buffers = [bits, struct.pack(f"{len(values)}{code}", *values), *more]
-    count = len(values) - len(more)  # texts end where the next one begins
-    return pyarrow.Array.from_buffers(kind, count, [None if one is None else pyarrow.py_buffer(one) for one in buffers])
+    def take(self, block: Block) -> None:
+        """More rows."""
+        name, code = self._name, self._code
+        if self._gaps:
+            texts = block.columns[name]
+            self._there += ["1" if text else "0" for text in texts] if b"" in texts else ["1" * len(texts)]
+        if code is None:
+            self._lengths += map(len, block.columns[name])
+            self._data += block.columns[name]
+        else:
+            numbers = block.floats(name) if code == "d" else block.known.get(name) or block.integers(name)
+            self._data.append(struct.pack(f"{len(numbers)}{code}", *numbers))
+
+    def array(self, count: int) -> Any:
+        """An array of the library of these rows, with a bit for each value that is there; the next ones begin another."""
+        import pyarrow
+
+        there = "".join(reversed("".join(self._there)))  # the last one is the highest
+        bits = int(there, 2).to_bytes(-(-count // 8), "little") if "0" in there else None
+        ends = struct.pack(f"{count + 1}i", *accumulate(self._lengths, initial=0)) if self._code is None else None
+        buffers = [bits, *([ends] if ends else []), b"".join(self._data)]
+        self._begin()
+        return pyarrow.Array.from_buffers(
+            self._kind, count, [None if one is None else pyarrow.py_buffer(one) for one in buffers]
+        )
