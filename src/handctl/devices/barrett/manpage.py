@@ -13,12 +13,12 @@ EXCEPTIONS = (
     (
         "arrival",
         "`torque-open`, `torque-close`",
-        "They close or open until the motors stall. They have no target, so they do not end with exit code 7 because of a target that was not reached.",
+        "They close or open until the motors stall. They have no target to miss, so a missed target never gives exit code 7.",
     ),
     (
         "arrival",
         "`init`",
-        "HI treats the position at which a motor stalls as its end stop, wherever that is. So it does not end with exit code 7 if something blocks a finger.",
+        "It sends the hand's command HI, which takes the position at which a motor stalls as its end stop, wherever that is. So a blocked finger does not give exit code 7.",
     ),
     (
         "hot",

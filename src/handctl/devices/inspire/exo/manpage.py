@@ -3,7 +3,9 @@
 from handctl.devices.inspire.common_cli import settings_examples
 
 FILES = (("exo-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` names another file."),)
-EXCEPTIONS = (("leave-alone", "`force`", "-1 is a valid force, so it does not leave a finger alone."),)
+EXCEPTIONS = (
+    ("leave-alone", "`force`", "Elsewhere, -1 leaves a finger as it is. Here, -1 is a force like any other."),
+)
 EXAMPLES = (
     ("handctl exo get position_actual temperature --fake", "Show positions and temperatures of all fingers."),
     ("handctl exo get system_voltage --fake --format plain", "Print a bare number for a script."),
