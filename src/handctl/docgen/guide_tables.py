@@ -82,7 +82,7 @@ MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     ),
     "usual": lambda _tree: _markdown(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS)),
     "exceptions": lambda _tree: _markdown(
-        ("device", "command, option or message", "what is different"),
+        ("device", "command, option or link", "what is different"),
         ((f"`{row.family}`", row.where, row.why) for row in exceptions()),
     ),
 }

@@ -6,8 +6,8 @@ FILES = (("hand-before-reset.json", "The snapshot that `factory-reset` writes fi
 EXCEPTIONS = (
     (
         "other-family",
-        "`this is a wrist module`",
-        "If you run `handctl hand` on a wrist module, this message says so. But if the module carries a hand, the hand replies too: `handctl hand` then reads the hand, and does not show the message.",
+        "on a `wrist` that carries a hand",
+        "Both devices reply. `handctl hand` then reads the hand, and does not show the message `this is a wrist module`.",
     ),
 )
 EXAMPLES = (
