@@ -9,7 +9,7 @@ import pytest
 
 from handctl.errors import LinkError
 from handctl.link import device_lock
-from handctl.link.device_lock import InUse, hold
+from handctl.link.device_lock import InUse, Reached, hold
 from handctl.system import processes
 from tests.support.virtual import virtual_time
 
@@ -54,7 +54,7 @@ def test_what_no_command_stops_is_noted_for_the_next_one(folders: tuple[Path, Pa
     second = hold(LINK, "handctl exo get", family="exo")
     assert second is not None and second.lasting
     second.release()
-    assert device_lock.last_family(LINK) == "exo"
+    assert device_lock.remembered(LINK)[0] == Reached("exo", {})
     third = hold(LINK, "handctl scan")
     assert third is not None and third.lasting
     third.lasts(0)

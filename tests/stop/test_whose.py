@@ -5,61 +5,21 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
-from handctl.command import connection
 from handctl.command.run import Run
 from handctl.families import FAMILIES
-from handctl.link import ByteLink, FrameLink, Link, device_lock, open_link
-from handctl.link.device_lock import Holder, InUse, hold, last_family
+from handctl.link import device_lock
+from handctl.link.device_lock import Holder, InUse, hold
 from handctl.model.result import Journal
 from handctl.stop.stop_command import _end
 from handctl.system import processes
 from handctl.tools import stop
+from tests.stop.bench import HOST, PORT, Bench, last_family, lock_file
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
-
-PORT = "/dev/null"
-"""A character device, as a port is: its lock is that of a port, and nothing is ever opened."""
-HOST = "tcp://192.0.2.7:8000"
-
-
-class Bench:
-    """The device behind PORT and HOST, and for how long who is there was asked."""
-
-    def __init__(self, patch: pytest.MonkeyPatch) -> None:
-        self.there = ""
-        self.first = b""
-        """What somebody else has sent to the device before."""
-        self.asked: list[float] = []
-        patch.setattr(connection, "open_link", self._open)
-        patch.setattr(stop, "open_link", self._ask)
-
-    def _open(self, name: str, **options: Any) -> Link:
-        place = name if name.startswith("fake://") else f"fake://{self.there}clock=virtual"
-        link = open_link(place, baud=options.get("baud"))
-        if self.first and isinstance(link, ByteLink):
-            link.set_baud(9600)
-            for line in self.first.splitlines(keepends=True):
-                link.write(line, link.deadline(1.0))
-                link.read(link.deadline(0.1))
-            link.set_baud(options.get("baud") or 115200)
-        return link
-
-    def _ask(self, name: str, **options: Any) -> Link:
-        link = self._open(name, **options)
-        assert isinstance(link, ByteLink | FrameLink)
-        link.name = name
-        began, close = link.now(), link.close
-
-        def closed() -> None:
-            self.asked.append(link.now() - began)
-            close()
-
-        link.close = closed  # type: ignore[method-assign]
-        return link
 
 
 @pytest.fixture
@@ -75,11 +35,6 @@ def stopped(family: str, result: Result) -> bool:
     """Whether the bytes are those of the stop of this family."""
     wanted = run(family, "stop", "--json", "-p", f"fake://{family}?clock=virtual")
     return result.code == 0 and [row["bytes"] for row in result.rows] == [row["bytes"] for row in wanted.rows]
-
-
-def lock_file() -> Path:
-    (file,) = (Path(os.environ["XDG_RUNTIME_DIR"]) / "handctl").glob("lock-*")
-    return file
 
 
 @each_row("family", FAMILIES)

@@ -283,7 +283,8 @@ def add_map_verbs(
         """
         from handctl.stop import stop_command
 
-        return stop_command.stop(run)
+        reached: set[tuple[str, int]] = set()
+        return stop_command.others_stopped(run, stop_command.stop(run, reached=reached), reached)
 
     @scan_options
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:

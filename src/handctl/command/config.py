@@ -44,7 +44,7 @@ class Entry(NamedTuple):
 
 
 class Device(NamedTuple):
-    """One `[devices.NAME]`."""
+    """One `[devices.NAME]`. `kind` is "" where that is wrong and passed over."""
 
     name: str
     kind: str
@@ -126,7 +126,8 @@ def _checked(option: click.Parameter, value: Any) -> Any:
 def read_config(path: str = "", passed: list[UsageError] | None = None) -> Config:
     """Read and check the user's configuration file, or that at `path`; one that is missing is empty. Raises UsageError.
 
-    With `passed` an entry that is wrong is noted there and left out; what is no TOML is an error all the same.
+    With `passed` an entry that is wrong is noted there and left out, of a device without a port all; what is no TOML is an error
+    all the same.
     """
     path = path or config_path()
     hint = "make it readable, or set HANDCTL_CONFIG to another file"
@@ -239,18 +240,40 @@ class _Book:
             raise self.wrong(place, f"{name!r} cannot be the name of a device", f"allowed: {NAME_HELP}")
         if not isinstance(table, dict):
             raise self.wrong(place, f"devices.{name} must be a table", f"write [devices.{name}]")
-        for key in ("kind", "port"):
-            if key not in table:
-                raise self.wrong(place, f"device {name} has no {key}", f"add a line {key} = …, or remove the table")
-        kind = table["kind"]
-        if kind not in list(FAMILIES):
-            raise self.wrong(
-                (*place, "kind"), f"kind = {kind!r}: no such device family", f"one of {', '.join(FAMILIES)}"
-            )
+        try:
+            kind = self.kind(name, table)
+        except UsageError as exc:
+            if self.passed is None or "port" not in (entries := self.rest(place, table)):
+                raise
+            self.passed.append(exc)
+            return Device(name, "", entries, self.line(place))
+        if "port" not in table:
+            raise self.lacks(name, "port")
         known = ("kind", *DEVICE_KEYS, *(option.key for option in FAMILIES[kind].options if option.named))
         table = {key: value for key, value in table.items() if key != "kind"}
         entries = self.entries(place, table, known, f"key of a device of family {kind}")
         return Device(name, kind, entries, self.line(place))
+
+    def rest(self, place: tuple[str, ...], table: Mapping[str, Any]) -> dict[str, Entry]:
+        """What a device of no family says that every one may say, as far as it is right."""
+        silent = _Book(self.path, self.lines, self.checks, [])
+        return silent.entries(place, table, DEVICE_KEYS, "key")
+
+    def kind(self, name: str, table: Mapping[str, Any]) -> str:
+        """The family of a device. Raises UsageError."""
+        if "kind" not in table:
+            raise self.lacks(name, "kind")
+        kind = table["kind"]
+        if kind not in list(FAMILIES):
+            place = ("devices", name, "kind")
+            raise self.wrong(place, f"kind = {kind!r}: no such device family", f"one of {', '.join(FAMILIES)}")
+        return str(kind)
+
+    def lacks(self, name: str, key: str) -> UsageError:
+        """The error of a device without a key that every one has."""
+        return self.wrong(
+            ("devices", name), f"device {name} has no {key}", f"add a line {key} = …, or remove the table"
+        )
 
 
 def _wrong(path: str, line: int | None, text: str, hint: str) -> UsageError:

@@ -547,7 +547,8 @@ def _from_file(
             chosen.offer("device", name, Source(FILE, f"{path}:{line}"))
         if "device" in chosen.values:
             device = config.find(chosen.values["device"])
-            chosen.offer("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
+            if device.kind:
+                chosen.offer("kind", device.kind, Source(NAMED, f"{path}:{device.line}"))
             for key, entry in device.entries.items():
                 chosen.offer(key, entry.value, Source(NAMED, f"{path}:{entry.line}"))
     for option, entry in values.items():

@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from copy import copy
+from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
@@ -269,6 +270,7 @@ class Run(Invocation):
                 observed(link, self.ledger)
                 if (access := self.connection.device_access) is not None:
                     self.ledger.unstoppable = access.unstoppable
+                    self.ledger.moving = partial(access.moving, self)
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
 
@@ -463,7 +465,7 @@ class Run(Invocation):
         for other in self.others:
             failure = other.close(failure)
         if (access := self.connection.device_access) is not None and self.family is not None and self._met(failure):
-            access.remember(self.family.kind)
+            access.remember(self)
         if self.session is not None and self.session.keeps(self.connection, failure, self):
             return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)

@@ -6,9 +6,10 @@ their exit codes.
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
 from functools import partial
 from typing import Any
 
@@ -168,7 +169,7 @@ class EveryAccess(DeviceAccess):
         """From now on no device is connected again."""
         self._every = every
 
-    def stop(self, who: str) -> dict[str, Any]:
+    def stop(self, who: str, meant: Collection[str] = ()) -> dict[str, Any]:
         """Stop them all at once; their own runs have what was sent. Never raises."""
         found: dict[str, HandctlError] = {}
         self.pressed_once.set()
@@ -266,11 +267,12 @@ def _check(words: Sequence[str], every: Sequence[EachDevice]) -> None:
 def _together(whole: Several, every: Sequence[EachDevice]) -> Table:
     came: queue.SimpleQueue[tuple[str, list[Row]] | None] = queue.SimpleQueue()
 
-    def work(each: EachDevice) -> None:
-        each.work(lambda name, rows: came.put((name, rows)))
-        came.put(None)
+    def work(line: Sequence[EachDevice]) -> None:
+        for each in line:
+            each.work(lambda name, rows: came.put((name, rows)))
+            came.put(None)
 
-    threads = [threading.Thread(target=work, args=(each,), daemon=True) for each in every]
+    threads = [threading.Thread(target=work, args=(line,), daemon=True) for line in _lines(every)]
     for thread in threads:
         thread.start()
     if whole.streams:
@@ -286,6 +288,18 @@ def _together(whole: Several, every: Sequence[EachDevice]) -> Table:
         pass
     _tell(whole, every)
     return _compared(whole, every) if _compares(every[0].line) else _merged(whole, every)
+
+
+def _lines(every: Sequence[EachDevice]) -> list[list[EachDevice]]:
+    """The devices that are served one after the other: in a stop those at one place, which would fight for it; else each alone."""
+    lines: dict[str, list[EachDevice]] = {}
+    for each in every:
+        place = ""
+        if each.run.stops:
+            with contextlib.suppress(HandctlError):
+                place = each.run.place
+        lines.setdefault(place or f"{each.name} alone", []).append(each)
+    return list(lines.values())
 
 
 def _compares(one: ScriptLine) -> bool:

@@ -1,9 +1,9 @@
 """The lock of a device: one process at a time, held while a link is open. Its file names the holder.
 
 The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
-holder and its command, and is empty if there is none. The second is the family of the last command that met its device.
-The third says until when something may last that a command has started and no command stops; mostly there is none. Two names
-of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are one lock. A file next to it says when
+holder and its command, and is empty if there is none. The second is the device that a command met last. The third says until
+when something may last that a command has started and no command stops; mostly there is none. Each line behind them is a
+device that a command has set going, and that no acknowledged stop has ended since, the last one first. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are one lock. A file next to it says when
 the device was stopped last. Knows no link's inside.
 """
 
@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from handctl.errors import HandctlError, LinkError
 from handctl.link.link_interface import OF_A_HOST, host_in, path_in, scheme_of
@@ -33,6 +33,36 @@ LIBRARY = "handctl library"
 
 FIELDS = 6
 """Of a `Holder` in the lock file."""
+MOST_MOVING = 8
+"""Devices on one line that are remembered as set going; of more than that the last ones."""
+NUMBERS = ("id", "baud")
+"""Settings of a `Reached` that are whole numbers."""
+
+
+class Reached(NamedTuple):
+    """A device that a command has reached: its family, and the settings that reach it where they are not the usual ones."""
+
+    family: str
+    settings: dict[str, Any]
+
+    @property
+    def key(self) -> tuple[str, int]:
+        """What tells it from the others on its line: the family and the id, 1 being that of all as shipped."""
+        return self.family, self.settings.get("id", 1)
+
+    @property
+    def line(self) -> str:
+        """The line for the lock file: the family, and each setting as KEY=VALUE, separated by tabs."""
+        more = (f"{key}={' '.join(str(value).split())}" for key, value in self.settings.items())
+        return "\t".join((self.family, *more))
+
+    @classmethod
+    def of_line(cls, line: str) -> Reached:
+        """From `line`; a setting that is damaged is left out."""
+        family, *more = line.split("\t")
+        pairs = [(key, value) for key, _, value in (one.partition("=") for one in more) if value]
+        numbers = {key: int(value) for key, value in pairs if key in NUMBERS and value.isdecimal() and len(value) < 10}
+        return cls(family, {**{key: value for key, value in pairs if key not in NUMBERS}, **numbers})
 
 
 class Holder(NamedTuple):
@@ -74,12 +104,12 @@ class InUse(LinkError):
 
 
 class Lock:
-    """A held lock; `release` may be called twice. `unrecorded`: why its file does not name the holder."""
+    """A held lock; `release` may be called twice. `unrecorded`: why its file does not name the holder. `going`: see `remembered`."""
 
     def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
-        self._family = _family(descriptor)  # also of one that died with the lock: it may have moved the device
         self._line = "\n"
+        self._met, self.going = _reached(descriptor)
         self._until = _until(descriptor)
         self.path = path
         self.unrecorded = ""
@@ -104,11 +134,30 @@ class Lock:
         return 0 < self._until - clock.now() < MOST_LASTING
 
     def _write(self, descriptor: int) -> None:
-        _write(descriptor, self._line, self._family, self._until if self.lasting else 0.0)
+        until = f"{self._until!r}" if self.lasting else ""
+        met = self._met.line if self._met is not None else ""
+        rest = "\n".join((met, until, *(one.line for one in self.going))).rstrip("\n")
+        text = f"{self._line}{rest}\n" if rest else self._line.lstrip("\n")
+        os.ftruncate(descriptor, 0)
+        disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
 
-    def remember(self, family: str) -> None:
-        """The device is of this family: whoever asks after the release is told so."""
-        self._family = family
+    def remember(self, device: Reached) -> None:
+        """A command has met this device: whoever asks after the release is told so."""
+        self._met = device
+
+    def set_going(self, device: Reached) -> None:
+        """A command has set this device going. Whoever asks is told so from now on, also if this process is killed."""
+        self._keep_going([device, *(one for one in self.going if one.key != device.key)][:MOST_MOVING])
+
+    def at_rest(self, device: Reached) -> None:
+        """A stop of this device was acknowledged."""
+        self._keep_going([one for one in self.going if one.key != device.key])
+
+    def _keep_going(self, going: list[Reached]) -> None:
+        if going != self.going:
+            self.going = going
+            with suppress(OSError):
+                self._write(self._descriptor)
 
     def note_stop(self) -> None:
         """The device is being stopped: no command that was started before may set it going again. Never raises.
@@ -208,8 +257,10 @@ def hold(
     return lock
 
 
-def last_family(link: str, tcp_port: int | None = None) -> str:
-    """The family of the command that is using the device at `link`, or died with it, or met it last; "" if no file says so."""
+def remembered(link: str, tcp_port: int | None = None) -> tuple[Reached | None, list[Reached]]:
+    """The device at `link` that a command is using, or died with, or met last, None if no file says so; and those that
+    commands have set going, and no acknowledged stop has ended since, the last one first.
+    """
     name = _file_name(canonical(link, tcp_port))
     for folder in private_folders():
         try:
@@ -217,11 +268,11 @@ def last_family(link: str, tcp_port: int | None = None) -> str:
         except OSError:
             continue
         try:
-            if own(os.fstat(descriptor)) and (found := _family(descriptor)):
+            if own(os.fstat(descriptor)) and any(found := _reached(descriptor)):
                 return found
         finally:
             os.close(descriptor)
-    return ""
+    return None, []
 
 
 def canonical(link: str, tcp_port: int | None = None) -> str:
@@ -284,26 +335,25 @@ def _open(name: str) -> tuple[int, str]:
     ) from problem
 
 
-def _write(descriptor: int, line: str, family: str, until: float) -> None:
-    os.ftruncate(descriptor, 0)
-    text = f"{line}{family}\n" if family else line.lstrip("\n")
-    if until:
-        text = f"{line}{family}\n{until!r}\n"
-    disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
-
-
 def _lines(descriptor: int) -> list[str]:
     return [*disk.read_at(descriptor, 4096, 0).decode("utf-8", "replace").split("\n"), ""]
 
 
-def _family(descriptor: int) -> str:
-    """The family of the holder, or else of the last command that met its device; of a file that was damaged "", or a word that is none."""
+def _reached(descriptor: int) -> tuple[Reached | None, list[Reached]]:
+    """See `remembered`; a family in a file that was damaged may be a word that is none.
+
+    The family of a holder is told before its device was met: of one that died with the lock, too, for it may have moved it.
+    """
     try:
         lines = _lines(descriptor)
     except OSError:
-        return ""
+        return None, []
     fields = lines[0].split("\t")
-    return (fields[2] if len(fields) == FIELDS else "") or lines[1]
+    family = fields[2] if len(fields) == FIELDS else ""
+    met = Reached.of_line(lines[1])
+    if family and family != met.family:
+        met = Reached(family, {})
+    return met if met.family else None, [Reached.of_line(line) for line in lines[3:] if line][:MOST_MOVING]
 
 
 def _until(descriptor: int) -> float:

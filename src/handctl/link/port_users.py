@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -64,6 +64,50 @@ def holders(device: str, root: Path = ROOT) -> list[Process]:
         if target in names.values() and not (number and _has_master(pid, names, number, root)):
             found.append(_named(pid, root))
     return found
+
+
+def handctl_commands(is_there: Callable[[str], bool], root: Path = ROOT) -> Iterator[tuple[int, list[str]]]:
+    """The handctl commands that use a place, whoever has started them: number of the process, and the words behind `handctl`.
+
+    Either the port is open in it, or its -p leads there: `is_there` tells whether a LINK does. What a process has open
+    only its own user sees, its command line everybody does.
+    """
+    for pid in _pids(root):
+        try:
+            line = (root / "proc" / str(pid) / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if b"handctl" not in line:
+            continue
+        words = line.decode("utf-8", "replace").rstrip("\0").split("\0")
+        begin = next((at for at, word in enumerate(words[:4]) if _is_handctl(word)), None)
+        if begin is None:
+            continue
+        links = [_value(words, at, ("-p", "--port")) for at in range(begin + 1, len(words))]
+        held = (target for target in (_descriptors(pid, root) or {}).values() if held_by_name(target))
+        if any(map(is_there, (*filter(None, links), *held))):
+            yield pid, words[begin + 1 :]
+
+
+def _is_handctl(word: str) -> bool:
+    folder, _, name = word.replace("\\", "/").rpartition("/")
+    return name in ("handctl", "handctl.exe") or (name == "__main__.py" and folder.endswith("handctl"))
+
+
+def _value(words: Sequence[str], at: int, names: tuple[str, str]) -> str:
+    """The value that the option at this position has, "" where it is another one."""
+    word, (short, long) = words[at], names
+    if word in names:
+        return words[at + 1] if at + 1 < len(words) else ""
+    if word.startswith(f"{long}="):
+        return word.removeprefix(f"{long}=")
+    return word.removeprefix(short) if short and word.startswith(short) and not word.startswith("--") else ""
+
+
+def option_in(words: Sequence[str], *names: str) -> str:
+    """The value of an option among the words of a command, the last one; "" without it. Names: a short one or "", and a long one."""
+    short, long = names
+    return next((found for at in reversed(range(len(words))) if (found := _value(words, at, (short, long)))), "")
 
 
 def _descriptors(pid: int, root: Path) -> dict[str, str] | None:

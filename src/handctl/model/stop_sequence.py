@@ -210,6 +210,8 @@ def run_stop(
             stopped = exchange_steps(link, sequence, sent, plan, until)
     except HandctlError as exc:
         return Stopped(exc.text, joined("switch the power off if the device still moves", exc.hint), type(exc))
+    if ledger is not None and stopped.error is None:
+        ledger.stopped()
     if ledger is not None and stopped.evidence:
         ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
     return stopped

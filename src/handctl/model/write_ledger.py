@@ -162,6 +162,9 @@ class Ledger:
         self._repeats = False
         self.unstoppable: Callable[[float], object] = lambda seconds: None
         """Called where something begins that no command stops, with the seconds that it may last; with 0 when it is over."""
+        self.moving: Callable[[bool], object] = lambda moving: None
+        """Called where the first write goes out that moves the device, and where a stop of it was acknowledged (False)."""
+        self._going = False
         self._stops: set[Hashable] = set()  # the planned steps that stop the device
         self._moves = False  # whether any step that was planned moves the device
         self._asked: set[Hashable] = set()  # what of the plan went out
@@ -243,8 +246,11 @@ class Ledger:
         planned = self._planned(frame.same)
         if planned is not None:
             self._asked.add(frame.same)
+            self._set_going(planned.moves)
         elif frame.unasked and frame.same not in self._asked:
             return
+        elif frame.same not in self._asked:
+            self._set_going(True)
         last = self._writes[-1] if self._writes else None
         if self._repeats and last is not None and frame.same is not None and last.frame.same == frame.same:
             last.count += 1
@@ -256,6 +262,17 @@ class Ledger:
             self._writes.append(last)
         if frame.key is not None:
             self._waiting[frame.key] = last
+
+    def _set_going(self, moves: bool) -> None:
+        """A write has gone out; of one that no plan has it is not known whether it `moves`."""
+        if moves and not self._repeats and not self._going:
+            self._going = True
+            self.moving(True)
+
+    def stopped(self) -> None:
+        """A stop of the device was acknowledged."""
+        self._going = False
+        self.moving(False)
 
     def _planned(self, same: Hashable) -> Step | None:
         """Takes the step out of the plan: it went out."""

@@ -10,10 +10,11 @@ from __future__ import annotations
 import contextlib
 import os
 from _thread import RLock
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError
+from handctl.families import FAMILIES
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
@@ -33,7 +34,7 @@ from handctl.system import signals
 if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Deadline, Link
-    from handctl.link.device_lock import Lock
+    from handctl.link.device_lock import Lock, Reached
     from handctl.stop.stop_listener import StopListener
 
 UNSEEN = "something that no command stops, such as a calibration, was started here shortly before, and its end has not been seen"
@@ -100,6 +101,8 @@ class DeviceAccess:
         self._ear: StopListener | None = None
         self._place = run.place if lock is not None else ""
         self._until = float("-inf")
+        self._at_rest: set[tuple[str, int]] = set()
+        """Family and id of each device whose stop was acknowledged over this link, and that nothing has set going since."""
         if lock is not None:
             self._keep(lock)
 
@@ -113,7 +116,9 @@ class DeviceAccess:
 
             try:
                 self._ear = StopListener(
-                    lock.path, lambda: self.stop("stopped at the request of another handctl command"), self.end
+                    lock.path,
+                    lambda meant: self.stop("stopped at the request of another handctl command", meant),
+                    self.end,
                 )
             except ValueError:
                 pass  # this is not the main thread
@@ -157,10 +162,40 @@ class DeviceAccess:
                     self.link.held = lock.descriptors
         return self.link is not None and self.link.reopen()
 
-    def remember(self, family: str) -> None:
-        """The device is of this family, see `Lock.remember`."""
+    def remember(self, run: Invocation) -> None:
+        """This run has met its device, see `Lock.remember`. What cannot be on one line with it is no longer behind this link."""
+        if self._lock is None:
+            return
+        met = self._reached(run)
+        self._lock.remember(met)
+        assert run.family is not None
+        for one in self._lock.going if run.journal.counters.received else ():
+            pair = {one.family, met.family}
+            apart = run.family.ids and one.key[1] != met.key[1]
+            if (
+                len(pair) == 2
+                and not apart
+                and not any({kind, FAMILIES[kind].beside} == pair for kind in pair & FAMILIES.keys())
+            ):
+                self._lock.at_rest(one)
+
+    def moving(self, run: Invocation, moves: bool) -> None:
+        """This run has set its device going, or a stop of it was acknowledged, see `Lock.set_going`. Never raises."""
+        device = self._reached(run)
+        (self._at_rest.discard if moves else self._at_rest.add)(device.key)
         if self._lock is not None:
-            self._lock.remember(family)
+            (self._lock.set_going if moves else self._lock.at_rest)(device)
+
+    def _reached(self, run: Invocation) -> Reached:
+        """The device of this run, and what reaches it."""
+        from handctl.link.device_lock import Reached
+
+        assert run.family is not None
+        kind, settings = run.family.kind, run.settings
+        number = context_at(run, self.link).number if self.link is not None else 1
+        found = {"id": number if number != 1 else None, "baud": settings.baud}
+        found |= {option.key: settings.own.get(option.key) for option in FAMILIES[kind].options if option.named}
+        return Reached(kind, {key: value for key, value in found.items() if value is not None})
 
     def note_stop(self) -> None:
         """The device is being stopped, see `Lock.note_stop`."""
@@ -185,10 +220,27 @@ class DeviceAccess:
         if self._lock is not None:
             self._lock.release()
 
-    def stop(self, who: str) -> dict[str, Any]:
-        """Run the family's stopper now, and write nothing after it; what went out and came back. Never raises."""
+    def stop(self, who: str, meant: Collection[str] = ()) -> dict[str, Any]:
+        """Run the family's stopper now, and write nothing after it; what went out and came back. Never raises.
+
+        What only reads lets go of the link at once where another device on its line is `meant`, see `stop_listener.is_meant`.
+        """
         with self._turn:
+            if meant and self._run.may_write is False and self.link is not None and self.stopped is None:
+                from handctl.stop.stop_listener import is_meant
+
+                if not is_meant(*self._reached(self._run).key, meant):
+                    return self._left_to_other(who)
             return self._stop(who)
+
+    def _left_to_other(self, who: str) -> dict[str, Any]:
+        """Who asked stops another device on this line: nothing is sent any more, and nothing was stopped here."""
+        assert self.link is not None
+        self.link.block_sending()
+        text = f"{who}, which stops another device on this line. Nothing was sent to this one"
+        self.stopped = Interrupted(text, code=STOPPED)
+        self._report = report(Stopped(text), ())
+        return self._report
 
     def stop_from_outside(self, who: str) -> HandctlError | None:
         """The same in another thread than the command's, which is interrupted; None where no link is open. Never raises."""
@@ -214,13 +266,16 @@ class DeviceAccess:
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = stopped_at(self._run, self.link, sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
+        if stopped.error is None:
+            self.moving(self._run, False)
         stopped = self.judged(stopped)
         self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
-        self._report = report(stopped, sent, number=context_at(self._run, self.link).number)
+        self._report = report(stopped, sent, self._run, self.link)
+        self._report["devices"] += [list(key) for key in self._at_rest]
         return self._report
 
     def unstoppable(self, seconds: float) -> None:
@@ -277,11 +332,19 @@ def stopped_at(
 
 
 def report(
-    stopped: Stopped | None, sent: Sequence[Sent], *, number: int | None = None, refused: bool = False
+    stopped: Stopped | None,
+    sent: Sequence[Sent],
+    run: Invocation | None = None,
+    link: Link | None = None,
+    *,
+    refused: bool = False,
 ) -> dict[str, Any]:
-    """The result of a stop as JSON, as `stop` shows it; `number` is the id that it was sent to."""
+    """The result of a stop as JSON, as `stop` shows it; `run` and its `link` tell the device that it was sent to."""
+    number = context_at(run, link).number if run is not None and link is not None else None
+    kind = run.family.kind if run is not None and run.family is not None else ""
     return {
         "id": number,
+        "devices": [[kind, number]] if number is not None else [],
         "rows": rows(sent),
         "wire": wire(sent),
         "evidence": stopped.evidence if stopped is not None else "",

@@ -8,20 +8,20 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from handctl import errors
-from handctl.command.family import on_can, wire_in
-from handctl.command.options import COMMAND_LINE, NAMED, lacking
+from handctl.command.family import load, on_can, wire_in
+from handctl.command.options import COMMAND_LINE, NAMED, Source, lacking
 from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, Hint, LinkError, UsageError
-from handctl.link import Deadline
-from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock
+from handctl.link import ByteLink, Deadline
+from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock, Reached, remembered
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
 from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, writes_without_replies
-from handctl.stop.device_access import DeviceAccess, context_at, lock_for, report, stopped_at
+from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
@@ -36,6 +36,8 @@ ASKED_SECONDS = 1.0
 AGAIN_SECONDS = 1.0
 """How long a port or connection is tried again that somebody has just let go of, or is about to."""
 TRY_SECONDS = 0.01
+OTHERS = Source("another command", "used by another handctl command")
+"""Of the id of a device that a handctl command has set going before, or that one of another user is using."""
 COLUMNS = (Column("step", "Step", right=True), Column("bytes", "Bytes"), Column("meaning", "Meaning"), Column("answer", "Answer"))  # fmt: skip
 
 
@@ -43,10 +45,12 @@ def stop(
     run: Run,
     sequence: Callable[[StopContext], StopSequence] | None = None,
     otherwise: Callable[[Any], str] | None = None,
+    reached: set[tuple[str, int]] | None = None,
 ) -> Table:
     """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
 
-    `sequence` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence.
+    `sequence` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence. Family and id of
+    each device that a stop was sent to are added to `reached`.
     """
     began = clock.now()
     fall_back(run)
@@ -60,17 +64,26 @@ def stop(
         run.session = None  # only what a session has open it stops itself
     ours = run.session is not None or run.link is not None  # or it was stopped as another device just before
     lock, told, ended = (None, None, False) if ours else _ask_holder(run, name, until)
-    if told is None or not (told["open"] or told["refused"]):
+    other = None
+    if told is not None and told["open"]:
+        _take_over(run, told)
+        if not told["refused"] and not _is_meant(run, told):
+            other, lock = told, _let_go(run, name, until)
+            if other["error"]:
+                run.journal.warn("other-device", f"the device that it was using: {other['text']}", other["hint"])
+    if told is None or other is not None or not (told["open"] or told["refused"]):
         told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise)
         if unheard(told["error"], told["rows"]) and _drop_stale_id(run, until):
             told = joined_reports(told, _from_here(run, lock, sequence, until, patient=False, otherwise=otherwise))
-    else:
-        _take_over(run, told)
+        if other is not None:
+            told = joined_reports(other, told)
+    if reached is not None:
+        reached.update((kind, number) for kind, number in told["devices"])
     table = Table(rows=told["rows"], columns=COLUMNS, plain=("bytes",))
     where = "" if name in told["text"] else f"{name}: "
     assert run.family is not None
     if run.family.ids and told["id"] is not None:
-        where += _id_used(run, told["id"]) if told["error"] else ""
+        where += _id_used(run, told["id"]) if told["error"] or _of_others(run) else ""
         run.settings = run.settings._replace(id=told["id"])  # the result names it
     run.journal.counters.sent += sum(row["times"] for row in told["rows"])
     run.journal.counters.received += sum(row["answer"] is not None for row in told["rows"])
@@ -85,6 +98,71 @@ def stop(
     return table
 
 
+# -- several devices behind one link ----------------------------------------------------------------------------------
+
+
+def others_stopped(run: Run, table: Table, reached: set[tuple[str, int]]) -> Table:
+    """After the stop of a device whose id nobody gave, that of each other one of its family that handctl has set going here."""
+    family = run.family
+    assert family is not None
+    if not family.ids or not _any_id(run) or run.settings.dry_run or run.session is not None:
+        return table
+    _, moving = remembered(run.link_name(), family.tcp_port)
+    return each_stopped(run, (one for one in moving if one.family == family.kind), reached, table) or table
+
+
+def each_stopped(
+    run: Run, meant: Iterable[Reached], reached: set[tuple[str, int]], before: Table | None = None
+) -> Table | None:
+    """The stop of each device that is `meant` and not among those that were `reached` until then, behind the steps of the one `before`.
+
+    What went wrong with any of them is the failure; its exit code is the highest. None without any.
+    """
+    settings, sources = run.settings, run.sources
+    failed = [before.failure] if before is not None and before.failure is not None else []
+    for one in meant:
+        if one.key in reached:
+            continue
+        reached.add(one.key)
+        number = {"id": one.key[1]} if load(one.family, "cli").cli.family.ids else {}
+        said = {key: value for key, value in {**one.settings, **number}.items() if not is_said(sources.get(key))}
+        run.settings = settings.having(said)
+        run.sources = {**sources, **dict.fromkeys(number.keys() & said.keys(), OTHERS)}
+        try:
+            before = stopped_as(run, one.family, reached, before)
+        except UsageError as exc:  # one that was reached by another name of this place, which is none of its LINKs
+            run.journal.warn("passed-over", exc.text, exc.hint)
+            continue
+        failed += [before.failure] if before.failure is not None else []
+    if before is not None and failed:
+        worst = max(failed, key=lambda error: error.exit_code)
+        before.failure = worst.reworded(
+            errors.joined(*(error.text for error in failed)), hint=worst.hint, code=worst.code
+        )
+    return before
+
+
+def is_said(source: Source | None) -> bool:
+    """Whether a setting was typed, or is that of the named device: no other one takes its place."""
+    return source is not None and (source == COMMAND_LINE or source.level == NAMED)
+
+
+def stopped_as(run: Run, kind: str, reached: set[tuple[str, int]], before: Table | None = None) -> Table:
+    """The stop of a device of family `kind`, behind the steps of the one `before`, which was for another device."""
+    run.family = load(kind, "cli").cli.family
+    if before is not None:
+        run.settings = run.settings._replace(kind=None)
+        run.journal.ledger.words = None
+        link, speed = run.link, run.settings.baud or run.family.baud
+        if isinstance(link, ByteLink) and link.can_set_baud and speed is not None and link.baud != speed:
+            with contextlib.suppress(LinkError):
+                link.set_baud(speed)
+    then = stop(run, reached=reached)
+    if before is not None:
+        then.rows = [{**row, "step": at} for at, row in enumerate([*before.rows, *then.rows], 1)]
+    return then
+
+
 def unheard(error: str, rows: Sequence[Row]) -> bool:
     """Whether nothing acknowledged what was sent: `error` is the kind of the failure, and `rows` what went out."""
     answered = any(row["answer"] is not None for row in rows if not row["reads"])
@@ -94,13 +172,34 @@ def unheard(error: str, rows: Sequence[Row]) -> bool:
 def joined_reports(first: dict[str, Any], then: dict[str, Any]) -> dict[str, Any]:
     """The report of a stop that followed another one, with the steps of both."""
     rows = [{**row, "step": at} for at, row in enumerate([*first["rows"], *then["rows"]], 1)]
-    return {**then, "rows": rows, "wire": [*first["wire"], *then["wire"]]}
+    joined = {key: [*first[key], *then[key]] for key in ("wire", "devices")}
+    return {**then, **joined, "rows": rows}
+
+
+def _is_meant(run: Run, told: dict[str, Any]) -> bool:
+    """Whether the device of this run is among those that the holder has stopped; with an id that nobody gave, any of its family."""
+    assert run.family is not None
+    stopped = [number for kind, number in told["devices"] if kind == run.family.kind]
+    return bool(stopped) if _any_id(run) else (run.settings.id or 1) in stopped
+
+
+def _any_id(run: Run) -> bool:
+    """Whether nobody has said which id the device has, or its family has none."""
+    assert run.family is not None
+    return not run.family.ids or ("id" not in run.sources and run.settings.device is None)
 
 
 def _id_used(run: Run, number: int) -> str:
     """The id that was used, and where it comes from; "" for the default."""
     source = run.sources.get("id")
-    return f"id {number} ({source.where or source.level}): " if source is not None else ""
+    assert run.family is not None
+    kind = f"{run.family.kind} " if _of_others(run) else ""
+    return f"{kind}id {number} ({source.where or source.level}): " if source is not None else ""
+
+
+def _of_others(run: Run) -> bool:
+    """Whether the id of this run is that of a device that was moving, whoever's, and that nobody has named."""
+    return run.sources.get("id") == OTHERS
 
 
 def _drop_stale_id(run: Run, until: Deadline | None) -> bool:
@@ -110,7 +209,13 @@ def _drop_stale_id(run: Run, until: Deadline | None) -> bool:
     """
     source, number = run.sources.get("id"), run.settings.id
     assert run.family is not None
-    if not run.family.ids or source in (None, COMMAND_LINE) or number in (None, 1) or (until and until.expired):
+    if (
+        not run.family.ids
+        or source in (None, COMMAND_LINE)
+        or _of_others(run)
+        or number in (None, 1)
+        or (until and until.expired)
+    ):
         return False
     if source is not None and source.level == NAMED and run.shares_line:
         return False
@@ -149,12 +254,15 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
         return None, None, False
     from handctl.stop.stop_listener import STOP_SECONDS, ask
 
+    assert run.family is not None
+    meant = run.family.kind + ("" if _any_id(run) else f" {run.settings.id or 1}")
     until = clock.now() + HEARD_SECONDS
     who = busy.holder
     if who is None or not processes.sleeps(who.pid):
         while True:
-            heard, told = ask(busy.path, until, _left(bound, STOP_SECONDS))
+            heard, told = ask(busy.path, until, _left(bound, STOP_SECONDS), meant)
             if told is not None:
+                told.setdefault("devices", [])  # of a version before this one
                 by = str(who) if who is not None else "another handctl"
                 run.journal.info("asked", f"{by} is using the device and was asked to stop it")
                 return None, told, True
@@ -168,6 +276,19 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
         # Its last stop goes out first: two on one port take each other's answers, and collide on two wires.
         return lock_for(run, name, _left(bound, LAST_STOP_SECONDS) if who is not None else 0.0), None, True
     return None, None, True
+
+
+def _let_go(run: Run, name: str, bound: Deadline | None) -> Lock | None:
+    """The lock, once a holder that has stopped another device than this one has let go of the link; None where it does not."""
+    until = clock.now() + _left(bound, AGAIN_SECONDS)
+    while clock.now() < until:
+        try:
+            return lock_for(run, name)
+        except InUse:
+            clock.sleep(TRY_SECONDS)
+        except LinkError:
+            break
+    return None
 
 
 def _left(bound: Deadline | None, seconds: float) -> float:
@@ -260,7 +381,7 @@ def _from_here(
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)
         except HandctlError as exc:
             stopped = stopped._replace(text=errors.joined(stopped.text, exc.text))
-    return report(stopped, sent, number=context_at(run, link).number)
+    return report(stopped, sent, run, link)
 
 
 # -- what holds up no stop ------------------------------------------------------------------------------------------

@@ -2,7 +2,8 @@
 
 Another process connects to a socket next to the lock file (`system.local_socket`). A signal (SIGIO) reports it, so nothing polls; on
 Windows a thread waits instead. The handler runs between two steps of the program, even while that waits for the device or (not
-on Windows) for a reader of its output. It replies `heard` at once, then one line of JSON with the bytes sent.
+on Windows) for a reader of its output. Who asks says which device it means. The reply is `heard` at once, then one line of JSON with the bytes
+sent and the devices that they were for.
 A thread waits for the key, so the loop on the wire never checks for it.
 """
 
@@ -13,7 +14,7 @@ import os
 import sys
 import threading
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from handctl.command.terminal_prompts import is_terminal
@@ -25,9 +26,11 @@ LARGEST = 1 << 16
 
 
 class StopListener:
-    """Listens while it is open. `answer` stops the device and says how; `after` is then called with the frame."""
+    """Listens while it is open. `answer` gets what those who ask mean, see `is_meant`, stops the device and says how; `after` is
+    then called with the frame.
+    """
 
-    def __init__(self, lock: str, answer: Callable[[], dict[str, Any]], after: Callable[[Any], None]) -> None:
+    def __init__(self, lock: str, answer: Callable[[list[str]], dict[str, Any]], after: Callable[[Any], None]) -> None:
         """Raises OSError; ValueError outside the main thread."""
         self._answer, self._after = answer, after
         self._busy = False
@@ -67,7 +70,7 @@ class StopListener:
             return False
         import json
 
-        report = json.dumps(self._answer()).encode() + b"\n"
+        report = json.dumps(self._answer([_said(peer) for peer in self._peers])).encode() + b"\n"
         while self._peers:
             peer = self._peers.pop(0)
             with contextlib.suppress(OSError):
@@ -87,8 +90,29 @@ class StopListener:
         return True
 
 
-def ask(lock: str, until: float, seconds: float = STOP_SECONDS) -> tuple[bool, dict[str, Any] | None]:
+SAID_SECONDS = 0.05
+"""For what is meant: who asks says it with the connection."""
+
+
+def is_meant(kind: str, number: int, said: Collection[str]) -> bool:
+    """Whether one of those who ask has `said` that it means this device: by its family, by that and its id, or by nothing at all."""
+    return not {"", kind, f"{kind} {number}"}.isdisjoint(said)
+
+
+def _said(peer: Any) -> str:
+    """What who has connected means; "" where it says nothing."""
+    said = b""
+    with contextlib.suppress(OSError):
+        peer.settimeout(SAID_SECONDS)
+        while not said.endswith(b"\n") and len(said) < LARGEST and (more := peer.recv(256)):
+            said += more
+    return said.decode("utf-8", "replace").rstrip("\n")
+
+
+def ask(lock: str, until: float, seconds: float = STOP_SECONDS, meant: str = "") -> tuple[bool, dict[str, Any] | None]:
     """Ask the holder of `lock` to stop. Returns whether it replied before `until` (`clock.now`), and its report within `seconds`.
+
+    `meant` as in `is_meant`.
 
     The report is None when it ended, or fell silent, on the way.
     """
@@ -96,6 +120,7 @@ def ask(lock: str, until: float, seconds: float = STOP_SECONDS) -> tuple[bool, d
 
     try:
         with contextlib.closing(local_socket.connected(_beside(lock), max(0.001, until - clock.now()))) as line:
+            line.sendall(f"{meant}\n".encode())
             came = line.recv(6)
             if not came:
                 return False, None

@@ -5,7 +5,9 @@ Nothing that is asked to find that out writes to a device or moves it: they are 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import click
@@ -18,8 +20,9 @@ from handctl.command.run import Run
 from handctl.errors import OTHER_DEVICE, HandctlError, Hint, UsageError, joined
 from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, open_link
-from handctl.link.device_lock import canonical, hold, last_family
+from handctl.link.device_lock import OURS, Reached, canonical, hold, remembered
 from handctl.model.result import Journal, Row, Table
+from handctl.stop.stop_command import each_stopped, is_said, stopped_as, unheard
 from handctl.system.user_folders import config_path
 from handctl.tools.family_probe import family_of, has_speed, probe_of, usual_ports, wire_of
 
@@ -31,47 +34,70 @@ if TYPE_CHECKING:
 def cli(run: Run) -> Table:
     """Stop a device at once, even while another handctl command is using it.
 
-    handctl takes the family from the entry of the named device (-d), or from the handctl command that is using the device or
-    reached it last.
-    Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device. It also does that if the stop gets no
-    reply, or one from another device, and then stops the device that it found. If it finds none, it sends the stop of each
-    device that may not reply while it moves: a BarrettHand, and on TCP an AIDIN-hand too.
+    With -p, it stops each device on that link that a handctl command has set in motion, the last one first. If there is none,
+    handctl takes the family from the handctl command that is using the device or reached it last. With -d, it takes the family
+    from the entry of the named device.
+    Otherwise it looks for a named device on this port, then tries for 0.5 s to detect the device. It also does that if the stop
+    gets no reply, or one from another device, and then stops the device that it found. If it finds none, it sends the stop of
+    each device that may not reply while it moves: a BarrettHand, and on TCP an AIDIN-hand too.
     If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
     was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
     kind = _kind(run)
-    table = _stopped_as(run, kind) if kind else None
-    return table if table is not None and not _missed(table) else _other_stopped(run, kind, table)
+    reached: set[tuple[str, int]] = set()
+    going, others = [], []
+    if kind:
+        table: Table | None = stopped_as(run, kind, reached)
+    else:
+        going = _set_going(run)
+        if going:
+            kind = going[0].family
+            table = each_stopped(run, going, reached)
+        else:
+            kind = family_at(run)
+            table = stopped_as(run, kind, reached) if kind else None
+        others = list(_used_by_others(run))
+        if others and not going and table is not None and table.failure is not None and _missed(table):
+            run.journal.warn(
+                "other-device", table.failure.text
+            )  # another device is there now than the one that was met
+            table.failure = None
+        table = each_stopped(run, others, reached, table)
+    # What a command of another user is using is there: nothing else is looked for.
+    if table is not None and (others or not _missed(table)):
+        return table
+    return _other_stopped(run, kind, table, reached, going=bool(going))
 
 
-def _other_stopped(run: Run, kind: str, first: Table | None) -> Table:
+def _other_stopped(run: Run, kind: str, first: Table | None, reached: set[tuple[str, int]], *, going: bool) -> Table:
     """The stop of the device that is really there, after the `first` one as `kind`; that one where no other is found.
 
-    What is kept of a place may be out of date: another device is behind the port now. Raises UsageError where nothing
-    tells what to send.
+    What is kept of a place may be out of date: another device is behind the port now. With `going` a command has set the first
+    one going: then its failure stays. Raises UsageError where nothing tells what to send.
     """
     link = run.settings.port or ""
     failure = first.failure if first is not None else None
     if "id" not in run.sources:
         run.settings = run.settings._replace(id=None)  # the one of the family before, as shipped
     found = _replying_family(run, link)
-    if found == kind and first is not None:
+    if first is not None and ((found == kind and not going) or (found, run.settings.id or 1) in reached):
         return first
     then = first
     for other in [found] if found else _silent_families(run, link):
-        if other == kind:
+        if other == kind and not found:
             continue
         if found and failure is not None:
             run.journal.warn("other-device", f"{failure.text}. Stopping the {found} instead")
-        then = _stopped_as(run, other, then)
+        then = stopped_as(run, other, reached, then)
         if found or not _missed(then):
             if not found and failure is not None:
                 run.journal.warn("other-device", f"{failure.text}. The stop of a {other} was acknowledged")
-            if kind and FAMILIES[kind].beside == other:  # that this one replies does not show that the other is gone
+            # That this one replies does not show that the first one is gone.
+            if going or (kind and FAMILIES[kind].beside == other):
                 then.failure = then.failure or failure
             return then
         if found is None and (found := _replying_family(run, link)):  # another command had the link until now
-            return then if found == other else _stopped_as(run, found, then)
+            return then if found == other else stopped_as(run, found, reached, then)
     if then is None:
         raise _unknown(link, UsageError)
     if first is not None:
@@ -83,28 +109,12 @@ def _other_stopped(run: Run, kind: str, first: Table | None) -> Table:
     return then
 
 
-def _stopped_as(run: Run, kind: str, before: Table | None = None) -> Table:
-    """The stop of a device of family `kind`, behind the steps of the one `before`, which was for another device."""
-    from handctl.stop import stop_command
-
-    run.family = load(kind, "cli").cli.family
-    if before is not None:
-        run.settings = run.settings._replace(kind=None)
-        run.journal.ledger.words = None
-    then = stop_command.stop(run)
-    if before is not None:
-        then.rows = [{**row, "step": at} for at, row in enumerate([*before.rows, *then.rows], 1)]
-    return then
-
-
 def _missed(stopped: Table) -> bool:
     """Whether no device of the family that it was for has acknowledged this stop."""
-    from handctl.stop import stop_command
-
     failure = stopped.failure
     if failure is None:
         return False
-    return failure.code == OTHER_DEVICE or stop_command.unheard(type(failure).__name__, stopped.rows)
+    return failure.code == OTHER_DEVICE or unheard(type(failure).__name__, stopped.rows)
 
 
 def _silent_families(run: Run, link: str) -> list[str]:
@@ -142,9 +152,7 @@ def _kind(run: Run) -> str:
             code="no-link",
         )
     simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
-    if settings.port.startswith("fake://") and simulated in FAMILIES:
-        return simulated
-    return family_at(run)
+    return simulated if settings.port.startswith("fake://") and simulated in FAMILIES else ""
 
 
 # -- whose the device at a LINK is, told by what is kept, else by who answers ------------------------------------------
@@ -156,25 +164,68 @@ EACH = 0.03
 """For the answer to one of them: an adapter that holds answers back for 16 ms is within that."""
 
 
+def _remembered(link: str) -> tuple[Reached | None, list[Reached]]:
+    """See `device_lock.remembered`; of what was damaged nothing."""
+    ports = usual_ports() if link.startswith("tcp://") else []
+    met, going = next(filter(any, (remembered(link, port) for port in (None, *ports))), (None, []))
+    known = [one for one in going if one.family in FAMILIES]
+    return (met if met is not None and met.family in FAMILIES else None), known
+
+
+def _set_going(run: Run) -> list[Reached]:
+    """The devices at --port that handctl has set going and not stopped, the last one first, then the one that it met last; [] where it
+    has set none going. With an id that was typed, or is that of the named device, those with that one."""
+    met, moving = _remembered(run.settings.port or "")
+    typed = run.settings.id if is_said(run.sources.get("id")) else None
+    moving = [one for one in moving if typed is None or one.key[1] == typed or not family_of(one.family).ids]
+    return [*moving, *([met] if met is not None and typed is None else [])] if moving else []
+
+
+def _used_by_others(run: Run) -> Iterator[Reached]:
+    """The devices at --port that handctl commands are using without our lock: those of another user, or with other folders."""
+    from handctl.link.port_users import handctl_commands, option_in
+
+    link = run.settings.port or ""
+    if link.startswith(OURS):
+        return
+    place = _canonical(link, "")
+
+    def is_there(other: str) -> bool:
+        try:
+            return _canonical(other, "") == place
+        except (HandctlError, ValueError, OSError):
+            return False  # whatever somebody has typed
+
+    for pid, words in handctl_commands(is_there):
+        pairs = pairwise(["", *words])
+        family = next((word for before, word in pairs if word in FAMILIES and before not in ("-d", "--device")), "")
+        if family:
+            number = option_in(words, "", "--id")
+            run.journal.info("others", f"handctl {family} (pid {pid}) is using {link}, too")
+            yield Reached(family, {"id": int(number)} if number.isdecimal() and number != "1" else {})
+
+
 def family_at(run: Run) -> str:
     """The family of the device at --port: from its holder, the last command that reached it, or a named device there; else "".
 
-    What a named device there says of it holds, as with -d.
+    What a named device there says of it holds, as with -d; else what the last command needed to reach it.
     """
-    link = run.settings.port or ""
-    ports = usual_ports() if link.startswith("tcp://") else []
-    found = next(filter(None, (last_family(link, port) for port in (None, *ports))), "")
-    found = found if found in FAMILIES else ""
-    named = [one for one in _named_at(link) if found in ("", one.kind)]
+    met, _ = _remembered(run.settings.port or "")
+    found = met.family if met is not None else ""
+    named = [one for one in _named_at(run.settings.port or "") if one.kind and found in ("", one.kind)]
     kinds = {one.kind for one in named}
     if len(kinds) == 1:
         found = named[0].kind
         _as_named(run, named)
+    elif met is not None:
+        run.settings = run.settings.having(
+            {key: value for key, value in met.settings.items() if key not in run.sources}
+        )
     return found
 
 
 def _canonical(link: str, kind: str) -> str:
-    return canonical(link, family_of(kind).tcp_port if link.startswith("tcp://") else None)
+    return canonical(link, family_of(kind).tcp_port if kind and link.startswith("tcp://") else None)
 
 
 def _named_at(link: str) -> list[Device]:

@@ -1,0 +1,65 @@
+"""A port of which nothing is ever opened, and the simulated device behind it: what a lock keeps of a place can be tried there."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from handctl.command import connection
+from handctl.link import ByteLink, FrameLink, Link, open_link
+from handctl.link.device_lock import remembered
+from handctl.tools import stop
+
+PORT = "/dev/null"
+"""A character device, as a port is: its lock is that of a port, and nothing is ever opened."""
+HOST = "tcp://192.0.2.7:8000"
+
+
+class Bench:
+    """The device behind PORT and HOST, and for how long who is there was asked."""
+
+    def __init__(self, patch: pytest.MonkeyPatch) -> None:
+        self.there = ""
+        self.first = b""
+        """What somebody else has sent to the device before."""
+        self.asked: list[float] = []
+        patch.setattr(connection, "open_link", self._open)
+        patch.setattr(stop, "open_link", self._ask)
+
+    def _open(self, name: str, **options: Any) -> Link:
+        place = name if name.startswith("fake://") else f"fake://{self.there}clock=virtual"
+        link = open_link(place, baud=options.get("baud"))
+        if self.first and isinstance(link, ByteLink):
+            link.set_baud(9600)
+            for line in self.first.splitlines(keepends=True):
+                link.write(line, link.deadline(1.0))
+                link.read(link.deadline(0.1))
+            link.set_baud(options.get("baud") or 115200)
+        return link
+
+    def _ask(self, name: str, **options: Any) -> Link:
+        link = self._open(name, **options)
+        assert isinstance(link, ByteLink | FrameLink)
+        link.name = name
+        began, close = link.now(), link.close
+
+        def closed() -> None:
+            self.asked.append(link.now() - began)
+            close()
+
+        link.close = closed  # type: ignore[method-assign]
+        return link
+
+
+def last_family(link: str) -> str:
+    """The family of the device that was met last."""
+    met, _ = remembered(link)
+    return met.family if met is not None else ""
+
+
+def lock_file() -> Path:
+    (file,) = (Path(os.environ["XDG_RUNTIME_DIR"]) / "handctl").glob("lock-*")
+    return file

@@ -1,0 +1,486 @@
+"""A stop reaches the device that is meant: the one that was typed or named, or else each that handctl has set going on that line.
+
+What a running command reads, and what an earlier one met last, is no answer to which one moves.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from handctl.command.config import read_config
+from handctl.command.invocation import Invocation
+from handctl.errors import STOPPED, UsageError
+from handctl.link import ByteLink, Deadline, Link, open_link, port_users
+from handctl.link.device_lock import MOST_MOVING, Lock, Reached, hold, remembered
+from handctl.link.port_users import handctl_commands, option_in
+from handctl.model.command_settings import Settings
+from handctl.model.prompts import Prompts
+from handctl.model.result import Journal
+from handctl.stop import stop_listener
+from handctl.stop.device_access import DeviceAccess
+from handctl.stop.stop_listener import is_meant
+from tests.stop.bench import PORT, Bench, lock_file
+from tests.support.cli import PATIENCE, Result, run
+from tests.support.each_row import each_row
+from tests.support.stop import RELEASE, Stand
+
+EXO = ("exo", "position", "0", "0", "0", "0", "0", "-y")
+HAND = ("hand", "angle", "0", "0", "0", "0", "1000", "1000", "-y")
+WRIST = ("wrist", "set", "yaw_set=12", "move_time=5000", "-y")
+
+
+class Line(ByteLink):
+    """Simulated devices on one line, by the id in the third byte of a request; at another id there is none."""
+
+    def __init__(self, **devices: str) -> None:
+        self.devices: dict[int, Any] = {
+            int(key[1:]): open_link(f"fake://{what}clock=virtual") for key, what in devices.items()
+        }
+        self.nobody: Any = open_link("fake://exo?fault=silent&clock=virtual")
+        self.asked: Any = self.nobody
+        self.baud = 115200
+
+    def now(self) -> float:
+        """All their clocks together: only that of the one that is asked goes on."""
+        return sum(one.now() for one in (self.nobody, *self.devices.values()))
+
+    def write(self, data: bytes, deadline: Deadline) -> None:
+        self.asked = self.devices.get(data[2] if len(data) > 2 else 0, self.nobody)
+        self.asked.write(data, self.asked.deadline(deadline.remaining))
+
+    def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        data: bytes = self.asked.read(self.asked.deadline(deadline.remaining), size)
+        return data
+
+    def sleep(self, seconds: float) -> None:
+        self.asked.sleep(seconds)
+
+    def close(self) -> None:
+        """Simulators hold nothing."""
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter(()))
+    return Bench(monkeypatch)
+
+
+def on_line(bench: Bench, monkeypatch: pytest.MonkeyPatch, **devices: str) -> None:
+    """From now on these devices are behind PORT."""
+
+    def opened(name: str, **_options: Any) -> Link:
+        link = Line(**devices)
+        link.name = name
+        return link
+
+    monkeypatch.setattr("handctl.command.connection.open_link", opened)
+    monkeypatch.setattr("handctl.tools.stop.open_link", opened)
+
+
+def stopped_ids(result: Result) -> list[int]:
+    """The ids that writes were sent to, in their order."""
+    ids = [int(row["bytes"].split()[2], 16) for row in result.rows if not row["reads"]]
+    return list(dict.fromkeys(ids))
+
+
+def going() -> list[tuple[str, int]]:
+    return [one.key for one in remembered(PORT)[1]]
+
+
+# -- what handctl has set going ----------------------------------------------------------------------------------------
+
+
+@each_row(
+    "words, there",
+    [((*EXO, "--id", "2"), "exo?id=2&"), ((*HAND, "--id", "7"), "hand?id=7&"), ((*WRIST, "--id", "3"), "wrist?id=3&")],
+)
+def test_stop_goes_to_the_id_that_handctl_has_set_going(words: tuple[str, ...], there: str, bench: Bench) -> None:
+    bench.there, number = there, int(words[-1])
+    assert run(*words, "-p", PORT).code == 0 and going() == [(words[0], number)]
+    result = run("stop", "-p", PORT, "--json")
+    assert result.code == 0 and stopped_ids(result) == [number] and bench.asked == [], result
+    assert result.json["device"]["id"] == number and going() == []
+
+
+def test_a_hand_that_is_read_later_does_not_take_the_stop_from_a_wrist_that_moves(bench: Bench) -> None:
+    bench.there = "wrist?"
+    assert run(*WRIST, "-p", PORT).code == 0 and run("hand", "status", "-p", PORT).code == 0
+    result = run("stop", "-p", PORT, "--json")
+    flags = [row["bytes"].split()[4] for row in result.rows if not row["reads"]]
+    assert result.code == 0 and flags == ["31", "12"], "the wrist first: it moves"
+    assert going() == []
+
+
+@each_row(
+    "last, missing, code, ids",
+    [("2", 0, 0, [2, 1]), ("1", 0, 0, [1, 2]), ("1", 2, 4, [1, 2]), ("1", 1, 4, [1, 2])],
+)
+def test_each_that_moves_is_stopped_the_last_one_first(
+    last: str, missing: int, code: int, ids: list[int], bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And one that does not acknowledge it decides on the exit code, and stays in memory."""
+    there = {"d1": "exo?", "d2": "exo?id=2&"}
+    on_line(bench, monkeypatch, **there)
+    for number in ("1", "2") if last == "2" else ("2", "1"):
+        assert run(*EXO, "--id", number, "-p", PORT).code == 0
+    on_line(bench, monkeypatch, **{key: what for key, what in there.items() if key != f"d{missing}"})
+    result = run("stop", "-p", PORT, "--json")
+    assert (result.code, stopped_ids(result)) == (code, ids), result
+    assert going() == [("exo", number) for number in ids if number == missing]
+    assert [row["step"] for row in result.rows] == list(range(1, len(result.rows) + 1))
+
+
+def test_an_id_that_is_typed_is_the_only_one(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    for number in ("1", "2"):
+        run(*EXO, "--id", number, "-p", PORT)
+    assert stopped_ids(run("stop", "-p", PORT, "--id", "1", "--json")) == [1] and going() == [("exo", 2)]
+    run(*EXO, "--id", "1", "-p", PORT)
+    assert stopped_ids(run("exo", "stop", "-p", PORT, "--id", "1", "--json")) == [1] and going() == [("exo", 2)]
+    assert stopped_ids(run("exo", "stop", "-p", PORT, "--json")) == [1, 2], "without one each of the family that moves"
+    assert going() == []
+
+
+def test_only_what_moves_is_remembered_as_going(bench: Bench) -> None:
+    """And it is in the file as soon as the bytes are out: the command may be killed then."""
+    for words, there, left in (
+        (("exo", "status"), "exo?", []),
+        (("hand", "speed", "200", "200", "200", "200", "200", "200"), "hand?", []),
+        (EXO, "exo?", [("exo", 1)]),
+        (("exo", "stop"), "exo?fault=silent&", [("exo", 1)]),
+        (("exo", "stop"), "exo?", []),
+        ((*EXO, "--wait", "20"), "exo?", [("exo", 1)]),
+    ):
+        bench.there = there
+        run(*words, "-p", PORT)
+        assert going() == left, words
+
+
+@each_row(
+    "moved, met, stays",
+    [
+        ((WRIST, "wrist?"), ("exo", "exo?"), False),
+        ((WRIST, "wrist?"), ("barrett", "barrett?"), False),
+        ((WRIST, "wrist?"), ("hand", "wrist?"), True),
+        (((*EXO, "--id", "2"), "exo?id=2&"), ("exo", "exo?"), True),
+        (((*EXO, "--id", "2"), "exo?id=2&"), ("hand", "hand?"), True),
+        ((EXO, "exo?"), ("hand", "exo?"), True),
+        ((EXO, "exo?"), ("hand", "hand?fault=silent&"), True),
+    ],
+)
+def test_what_cannot_be_beside_a_device_that_replies_is_no_longer_there(
+    moved: tuple[tuple[str, ...], str], met: tuple[str, str], stays: bool, bench: Bench
+) -> None:
+    """Two devices of one line have two ids, but a wrist and the hand on it."""
+    words, bench.there = moved
+    assert run(*words, "-p", PORT).code == 0
+    (before,) = going()
+    family, bench.there = met
+    run(family, "status", "-p", PORT)
+    assert going() == ([before] if stays else [])
+
+
+def test_the_note_is_bounded_and_what_is_damaged_in_it_is_nothing() -> None:
+    lock = cast(Lock, hold(PORT, "handctl exo position", family="exo"))
+    last = Reached("exo", {"id": 2, "baud": 9600, "model": "dftp"})
+    for number in range(30, 60):
+        lock.set_going(Reached("hand", {"id": number}))
+    lock.set_going(last)
+    _, found = remembered(PORT)
+    assert found[0] == last and len(found) == MOST_MOVING and found[1].key == ("hand", 59)
+    lock.set_going(Reached("exo", {"id": 2}))
+    assert [one.key for one in remembered(PORT)[1]].count(("exo", 2)) == 1
+    lock.at_rest(Reached("exo", {"id": 2, "baud": 115200}))
+    assert ("exo", 2) not in going()
+    lock.release()
+    assert lock_file().read_text().startswith("\n") and len(going()) == MOST_MOVING - 1
+    for text, wanted in (
+        ("\nexo\n\nexo\tid=x\n", [("exo", 1)]),
+        ("\nexo\n\nexo\tid=2\tbaud\n", [("exo", 2)]),
+        ("\n\n\n\n\n", []),
+        ("\nexo\n\n" + "exo\tid=99999999999999999999\n", [("exo", 1)]),
+    ):
+        lock_file().write_text(text)
+        assert going() == wanted, text
+
+
+# -- who holds the line ------------------------------------------------------------------------------------------------
+
+
+def held(monkeypatch: pytest.MonkeyPatch, family: str, *devices: tuple[str, int], **more: Any) -> list[str]:
+    """A holder of PORT that stops these devices, and lets go then; what it is told is meant."""
+    lock = cast(Lock, hold(PORT, f"handctl {family} watch", family=family))
+    said: list[str] = []
+
+    def ask(_lock: str, _until: float, _seconds: float, meant: str) -> tuple[bool, dict[str, Any]]:
+        said.append(meant)
+        lock.release()
+        told = {
+            "id": devices[0][1] if devices else None,
+            "devices": [list(one) for one in devices],
+            "rows": [],
+            "wire": [],
+        }
+        return True, {
+            **told,
+            "evidence": "",
+            "text": "",
+            "hint": "",
+            "error": "",
+            "stranger": False,
+            "open": True,
+            "refused": False,
+            **more,
+        }
+
+    monkeypatch.setattr(stop_listener, "ask", ask)
+    return said
+
+
+@each_row(
+    "words, family, devices, said, ids",
+    [
+        (("exo", "stop", "--id", "1"), "exo", [("exo", 2)], "exo 1", [1]),
+        (("exo", "stop", "--id", "1"), "exo", [], "exo 1", [1]),
+        (("exo", "stop", "--id", "2"), "exo", [("exo", 2)], "exo 2", []),
+        (("exo", "stop"), "exo", [("exo", 2)], "exo", []),
+        (("exo", "stop"), "hand", [("hand", 1)], "exo", [1]),
+        (("exo", "stop", "--id", "1"), "", [("exo", 2), ("exo", 1)], "exo 1", []),
+        (("stop",), "exo", [("exo", 2)], "exo", []),
+    ],
+)
+def test_a_holder_that_has_another_device_does_not_have_the_one_that_is_meant(
+    words: tuple[str, ...], family: str, devices: list[tuple[str, int]], said: str, ids: list[int],
+    bench: Bench, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    bench.there = "exo?"
+    heard = held(monkeypatch, family, *devices)
+    result = run(*words, "-p", PORT, "--json")
+    assert (result.code, stopped_ids(result), heard) == (0, ids, [said]), result
+
+
+def test_a_named_device_is_not_the_other_one_on_its_line(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Whether its id is in its entry or the usual one."""
+    path = tmp_path / "config.toml"
+    for text in ("id = 1\n", ""):
+        path.write_text(f"[devices.left]\nkind = 'exo'\nport = '{PORT}'\n{text}[devices.right]\nkind = 'exo'\nport = '{PORT}'\nid = 2\n")  # fmt: skip
+        bench.there = "exo?"
+        heard = held(monkeypatch, "exo", ("exo", 2))
+        result = run("stop", "-d", "left", "--json", env={"HANDCTL_CONFIG": str(path)})
+        assert (result.code, stopped_ids(result), heard) == (0, [1], ["exo 1"]), result
+
+
+def test_what_moves_is_stopped_besides_what_the_holder_reads(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench.there = "wrist?"
+    assert run(*WRIST, "-p", PORT).code == 0
+    heard = held(monkeypatch, "hand", ("hand", 1))
+    result = run("stop", "-p", PORT, "--json")
+    assert result.code == 0 and heard == ["wrist 1"] and going() == []
+    assert {row["bytes"].split()[4] for row in result.rows if not row["reads"]} == {"31"}
+
+
+def test_a_holder_that_must_not_be_stopped_is_left_alone(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A download of firmware: it has stopped no device, and what is sent would be taken for firmware."""
+    bench.there = "exo?"
+    held(monkeypatch, "barrett", refused=True, text="firmware")
+    result = run("exo", "stop", "--id", "1", "-p", PORT, "--json")
+    assert (result.code, result.error["code"], result.rows) == (6, "not-now", []), result
+
+
+@each_row(
+    "writes, said, sends",
+    [
+        (False, ["exo 1"], False),
+        (False, ["wrist"], False),
+        (False, ["exo 2"], True),
+        (False, ["exo"], True),
+        (False, ["exo 1", ""], True),
+        (False, [], True),
+        (True, ["exo 1"], True),
+    ],
+)
+def test_who_only_reads_another_device_lets_go_at_once(writes: bool, said: list[str], sends: bool) -> None:
+    """Who has set something going stops it first."""
+    link = open_link("fake://exo?id=2&clock=virtual")
+    settings, journal = Settings(id=2), Journal()
+    holder = SimpleNamespace(
+        family=SimpleNamespace(kind="exo"), opened=None, journal=journal, ledger=journal.ledger, writes=writes, may_write=writes,
+        settings=settings, prompts=Prompts(), shows=False, stops=False, place="", session=None,
+    )  # fmt: skip
+    access = DeviceAccess(cast(Invocation, holder), None)
+    access.around(link)
+    told = access.stop("asked", said)
+    assert access.stopped is not None and access.stopped.code == STOPPED and access.stopped.exit_code == 130
+    assert bool(told["rows"]) == sends and told["open"] and not told["error"]
+    assert ["exo", 2] in told["devices"] if sends else told["devices"] == []
+    assert json.loads(json.dumps(told)) == told
+    with pytest.raises(KeyboardInterrupt):
+        cast(ByteLink, link).write(b"\x00", link.deadline(1.0))
+
+
+def test_which_requests_are_for_a_device() -> None:
+    for said, wanted in (
+        ([], False),
+        ([""], True),
+        (["exo"], True),
+        (["exo 2"], True),
+        (["exo 1"], False),
+        (["exo 1", "exo 2"], True),
+    ):
+        assert is_meant("exo", 2, said) is wanted, said
+
+
+@pytest.mark.real
+def test_a_command_that_reads_another_device_ends_without_a_stop(tmp_path: Path) -> None:
+    """And the stop that was typed goes out over the link that it has let go of."""
+    place = Stand("exo", tmp_path)
+    try:
+        holder = place.hold()
+        place.heard()
+        result = run("exo", "stop", "--id", "9", "-p", place.link, "--json", env=place.environment)
+        assert (result.code, stopped_ids(result)) == (4, [9]) and "asked" in result.codes(), result
+        assert holder.wait(PATIENCE) == 130
+        came = b"".join(data for _, data in place.heard())
+        assert RELEASE not in came and bytes.fromhex("EB90090B31") in came
+    finally:
+        place.close()
+
+
+# -- commands of others ------------------------------------------------------------------------------------------------
+
+
+def process(root: Path, pid: int, *words: str, opened: str = "") -> None:
+    folder = root / "proc" / str(pid)
+    (folder / "fd").mkdir(parents=True)
+    (folder / "cmdline").write_bytes(b"".join(word.encode() + b"\0" for word in words))
+    if opened:
+        (folder / "fd" / "3").symlink_to(opened)
+
+
+def test_the_handctl_commands_at_a_port_by_what_they_have_open_or_say(tmp_path: Path) -> None:
+    python = "/usr/bin/python3"
+    process(tmp_path, 1, python, "/opt/bin/handctl", "exo", "watch", "-p", "/dev/ttyUSB0")
+    process(tmp_path, 2, python, "/opt/bin/handctl", "hand", "log", "x.csv", "-d", "left", opened="/dev/ttyUSB0")
+    process(tmp_path, 3, python, "/lib/handctl/__main__.py", "--port=/dev/ttyUSB0", "wrist", "watch")
+    process(tmp_path, 4, python, "/opt/bin/handctl", "exo", "watch", "-p", "/dev/ttyUSB1")
+    process(tmp_path, 5, "screen", "/dev/ttyUSB0", opened="/dev/ttyUSB0")
+    process(tmp_path, 6, "vi", "handctl.txt", "-p", "/dev/ttyUSB0")
+    process(tmp_path, 7, "/opt/bin/handctl", "-p/dev/ttyUSB0", "exo", "get", "x")
+    found = dict(handctl_commands("/dev/ttyUSB0".__eq__, tmp_path))
+    assert sorted(found) == [1, 2, 3, 7] and found[2] == ["hand", "log", "x.csv", "-d", "left"]
+
+
+def test_an_option_among_words() -> None:
+    for words, wanted in (
+        (["exo", "watch", "--id", "2"], "2"),
+        (["exo", "--id=2", "watch", "--id=3"], "3"),
+        (["exo", "watch", "--ids", "2"], ""),
+        (["exo", "--id"], ""),
+    ):
+        assert option_in(words, "", "--id") == wanted, words
+
+
+@each_row(
+    "words, there, ids",
+    [
+        (["exo", "position", "--wait", "60"], "exo?", [1]),
+        (["exo", "position", "--id", "4"], "exo?id=4&", [4]),
+        (["-d", "exo", "hand", "watch"], "hand?", [1]),
+    ],
+)
+def test_a_command_that_no_lock_of_ours_tells_of_is_known_by_its_words(
+    words: list[str], there: str, ids: list[int], bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That of another user, or with other folders: its device is stopped before anything is asked."""
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter([(77, words)]))
+    bench.there = there
+    result = run("stop", "-p", PORT, "--json")
+    assert (result.code, stopped_ids(result), bench.asked) == (0, ids, []), result
+    assert "others" in result.codes()
+
+
+def test_what_another_user_drives_is_stopped_besides_what_we_met(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_line(bench, monkeypatch, d1="exo?", d2="hand?id=2&")
+    assert run("exo", "status", "-p", PORT).code == 0
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter([(77, ["hand", "angle", "--id", "2"])]))
+    result = run("stop", "-p", PORT, "--json")
+    assert (result.code, stopped_ids(result)) == (0, [1, 2]), result
+
+
+def test_what_we_met_before_does_not_decide_on_what_another_user_drives(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.there = "hand?"
+    assert run("hand", "status", "-p", PORT).code == 0
+    bench.there = "exo?"
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter([(77, ["exo", "position"])]))
+    result = run("stop", "-p", PORT, "--json")
+    assert (result.code, result.json["device"]["kind"], bench.asked) == (0, "exo", []), result
+    assert "other-device" in result.codes()
+
+
+def test_a_port_in_use_by_another_user_gets_no_stop_of_other_families(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That one takes the replies, so that silence shows nothing."""
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter([(77, ["exo", "position"])]))
+    bench.there = "exo?fault=silent&"
+    result = run("stop", "-p", PORT, "--json")
+    assert result.code == 4 and "03" not in [row["bytes"] for row in result.rows] and bench.asked == []
+
+
+# -- names -------------------------------------------------------------------------------------------------------------
+
+
+def test_two_names_of_one_port_are_stopped_one_after_the_other(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    path = tmp_path / "config.toml"
+    path.write_text("".join(f"[devices.{name}]\nkind = 'exo'\nport = '{PORT}'\nid = {number}\n" for name, number in (("left", 1), ("right", 2))))  # fmt: skip
+    result = run("stop", "-d", "left,right", "--json", env={"HANDCTL_CONFIG": str(path)})
+    assert result.code == 0 and [one["exit_code"] for one in result.json["results"]] == [0, 0], result
+    messages = [message["code"] for one in result.json["results"] for message in one["messages"]]
+    assert messages == ["stopped", "stopped"], "neither was in the way of the other"
+
+
+@each_row("kind", ["", "family = 'exo'\n", "kind = 'exoo'\n", "kind = 3\n"])
+def test_a_name_whose_family_is_wrong_is_stopped_at_its_port(kind: str, bench: Bench, tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(f"[devices.left]\n{kind}port = '{PORT}'\nid = 6\nretries = 'x'\n")
+    env = {"HANDCTL_CONFIG": str(path)}
+    bench.there = "exo?id=6&"
+    for words in (("stop",), ("exo", "stop")):
+        result = run(*words, "-d", "left", "--json", env=env)
+        assert (result.code, stopped_ids(result)) == (0, [6]) and "passed-over" in result.codes(), result
+    assert run("exo", "status", "-d", "left", env=env).code == 2, "what may wait is refused"
+    with pytest.raises(UsageError):
+        read_config(str(path))
+
+
+def test_the_id_of_a_name_without_a_family_is_the_only_one(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    for number in ("1", "2"):
+        assert run(*EXO, "--id", number, "-p", PORT).code == 0
+    path = tmp_path / "config.toml"
+    path.write_text(f"[devices.left]\nport = '{PORT}'\nid = 1\n")
+    result = run("stop", "-d", "left", "--json", env={"HANDCTL_CONFIG": str(path)})
+    assert (result.code, stopped_ids(result), going()) == (0, [1], [("exo", 2)]), result
+
+
+def test_a_name_without_a_port_is_none(tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    for text in ("", "port = 3\n"):
+        path.write_text(f"[devices.left]\n{text}")
+        assert run("stop", "-d", "left", env={"HANDCTL_CONFIG": str(path)}).code == 2
+        passed: list[UsageError] = []
+        assert read_config(str(path), passed).devices == {} and len(passed) == 1
