@@ -11,6 +11,16 @@ MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 
 ROWS = (
     mistake(
+        "stop-takes-a-slow-movement-for-a-resting-reading",
+        "false success",
+        "handctl.model.standstill",
+        "Looks.judge",
+        "self.moved = None if self._still(self._first, now) else (self._first, now)",
+        "self.moved = None",
+        "tests/stop/test_standstill.py::test_readings_after_a_stop",
+        "tests/stop/test_standstill.py::test_what_moves_slowly_behind_a_stop_is_seen",
+    ),
+    mistake(
         "stop-forgets-a-calibration-that-another-command-has-started",
         "false success",
         "handctl.stop.device_access",
