@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "whoever-responds-to-the-new-id-already-has-it",
+        "false success",
+        "handctl.devices.inspire.id_baud_save_reset",
+        "_identify_at",
+        "hand.identify()",
+        "pass",
+        "tests/inspire/test_exo_procedures.py::test_who_responds_to_the_new_id_is_of_the_family",
+    ),
+    mistake(
         "inspire-a-second-reply-in-another-view-of-the-wire",
         "evidence not seen",
         "handctl.devices.inspire.serial_bus",
