@@ -452,7 +452,7 @@ ROWS = (
         "success without evidence",
         "handctl.model.movement",
         "Watch._arrival",
-        "if not self._rests(axis, explained=bool(blocked or contact)):",
+        "if not self._rests(axis, explained=bool(blocked or contact or astray)):",
         "if False:",
         "tests/kernel/test_movement.py::test_when_an_axis_has_ended",
     ),

@@ -518,7 +518,7 @@ class RegisterDevice(Device):
             self.bus.pause(this.pause)
             seen = watch(this.goals, this.still, look, prompts, clock, before)
             deeper = this.evidence(seen, last) or {}
-            # one that has not moved may be held by what it draws its current for: that is no contact of this movement
+            # what has not moved has met nothing on its way, whatever it draws now
             deeper |= {name: one._replace(currents=()) for name, one in deeper.items() if name not in seen.moved}
             arrivals = seen.arrivals(deeper)
             if any(one.verdict == ASTRAY for one in arrivals):
