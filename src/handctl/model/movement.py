@@ -50,7 +50,7 @@ MET: Mapping[str, frozenset[str]] = {
 CODES = {ASTRAY: "astray", BLOCKED: "blocked", MOVING: "still-moving", UNREAD: "unread", NO_SPEED: "no-speed"}
 """Verdict -> code of the error where an axis has it, the worst first; else ``not-reached``."""
 HINTS = {
-    ASTRAY: "end the other program. `handctl ports` shows the programs that use the ports of this computer",
+    ASTRAY: "check whether another program is commanding it: `handctl ports` shows those that use the ports of this computer",
     BLOCKED: "find out which error it reports, and remove its cause",
     MOVING: "wait longer, or stop it",
     UNREAD: "check the link, then read its position again",
@@ -375,7 +375,7 @@ def failure_of_arrivals(
     kind = DeviceRefused if worst == ASTRAY else CheckFailed
     return kind(
         f"{where}: {'the target was' if len(off) == 1 else 'targets were'} not reached: {listed(off)}",
-        hint=joined("" if worst == ASTRAY else hint, blocked if blocked and worst == BLOCKED else HINTS[worst]),
+        hint=joined(hint, blocked if blocked and worst == BLOCKED else HINTS[worst]),
         code=CODES.get(worst, "not-reached"),
     )
 
