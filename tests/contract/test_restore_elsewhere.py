@@ -66,6 +66,7 @@ def test_one_element_is_left_out_alone(barrett: tuple[str, Path], tmp_path: Path
     changed(path, default_position__F2=9100)
     done = run("barrett", "restore", path, "-y", "--skip", "default_position.F1", "-p", link, "--json")
     assert [(row["name"], row["value"]) for row in done.rows] == [("default_position.F2", 9100)]
+    assert "absent" not in done.codes(), "the file contains it"
     assert run("barrett", "restore", path, "-n", "--skip", "default_position", "-p", link, "--json").code == 0
 
 

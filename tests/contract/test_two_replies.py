@@ -50,6 +50,20 @@ def serial(apart: float, other: int) -> Two:
     return line, lambda: line.read(1472, 2), link
 
 
+@each_row("echo", [True, False])
+def test_equal_requests_on_a_line_with_echo_have_one_reply_each(echo: bool) -> None:
+    """A value that changes from one to the next is no second reply: the echo goes ahead of the next one's own."""
+    values = iter(range(100, 200))
+
+    def answer(request: bytes) -> list[Reply]:
+        reply = reply_to(request.lstrip(b"\0"), struct.pack("<h", next(values)))
+        return [(0.001, (request if echo else b"") + reply)]
+
+    line = SerialBus(ScriptedLink(answer), 1, Journal())
+    assert [int.from_bytes(line.read(1472, 2), "little") for _ in range(4)] == [100, 101, 102, 103]
+    assert not line.journal.messages
+
+
 def modbus(tcp: bool, apart: float, other: int) -> Two:
     def reply(request: bytes, value: int) -> bytes:
         pdu = b"\x03\x02" + value.to_bytes(2, "big")

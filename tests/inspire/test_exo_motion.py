@@ -179,8 +179,11 @@ def test_blocked_motion_ends_short_of_its_target() -> None:
     assert link.now() < 2.0
 
 
-def scripted_motion(place: Callable[[float], int], current: int = 25, error: int = 0) -> ScriptedLink:
-    """A hand whose fingers are at `place`, by the seconds since its position command; its actuators always draw `current` mA."""
+def scripted_motion(
+    place: Callable[[float], int], current: int = 25, error: int = 0, rest: int = 25, target: int = 900
+) -> ScriptedLink:
+    """A hand whose fingers are at `place`, by the seconds since its position command; its actuators draw `current` mA since then,
+    and `rest` before. It reports `target` as the position that it is commanded to."""
     since: list[float] = []
 
     def answer(request: bytes) -> list[Reply]:
@@ -190,7 +193,8 @@ def scripted_motion(place: Callable[[float], int], current: int = 25, error: int
         memory = bytearray(2000)
         here = place(link.now() - since[0] if since else 0.0)
         memory[1546:1558] = here.to_bytes(2, "little") * 6
-        memory[1594:1604] = current.to_bytes(2, "little") * 5
+        memory[1486:1496] = target.to_bytes(2, "little") * 5
+        memory[1594:1604] = (current if since else rest).to_bytes(2, "little") * 5
         memory[1606:1611] = bytes([error] * 5)
         start = int.from_bytes(request[5:7], "little")
         return [(0.0, reply_to(request, bytes(memory[start : start + request[7]])))]
@@ -241,6 +245,43 @@ def test_how_motion_ends(place: Callable[[float], int], current: int, error: int
     table = procedures.move(hand_on(link), NINE, Prompts(), wait=wait)
     assert [row["arrival"] for row in table.rows] == [arrival] * 5 + [None]
     assert (table.failure is None) == (arrival == "reached")
+
+
+def passing(seconds: float) -> int:
+    """To 900 and on to 1000."""
+    return 113 + round(min(seconds, 0.9) / 0.8 * 790)
+
+
+def turning_back(seconds: float) -> int:
+    """Up for a moment, and then to 0."""
+    return max(0, 150 - round(200 * seconds)) if seconds > 0.2 else 110 + round(200 * seconds)
+
+
+@each_row(
+    ("place", "rest", "target", "arrival", "code", "asked"),
+    [
+        (stalls, 25, 900, "contact", 0, 0),
+        (stalls, 700, 900, "contact", 0, 0),
+        (stalls, 801, 900, "short", 0, 0),  # it drew as much at rest
+        (stalls, 900, 900, "short", 0, 0),
+        (stalls, 900, 300, "short", 0, 0),
+        (lambda _: 110, 25, 900, "unmoved", 7, 0),  # whatever it draws, it has not met anything on its way
+        (passing, 25, 999, "astray", 6, 1),
+        (passing, 25, 900, "astray", 6, 1),
+        (turning_back, 25, 0, "astray", 6, 1),
+        (lambda seconds: 110 - min(20, round(90 * seconds)), 900, 900, "short", 0, 0),  # no farther than a target may be
+    ],
+)  # fmt: skip
+def test_an_end_off_the_way_to_the_target_is_none_that_is_expected(
+    place: Callable[[float], int], rest: int, target: int, arrival: str, code: int, asked: int
+) -> None:
+    """By current only what has risen counts; who commands is asked once, and only where a finger went astray."""
+    link = scripted_motion(place, 900, rest=rest, target=target)
+    table = procedures.move(hand_on(link), NINE, Prompts(), wait=8.0, expect="any")
+    assert [row["arrival"] for row in table.rows] == [arrival] * 5 + [None]
+    assert (table.failure.exit_code if table.failure else 0) == code
+    assert code != 6 or (table.failure is not None and table.failure.code == "astray")
+    assert sum(request[4:7] == b"\x11\xce\x05" for request in link.sent) == asked
 
 
 @each_row(
@@ -330,7 +371,14 @@ def moving_at(positions: list[int], interrupt_after: float) -> ScriptedLink:
             return [(0.0, b"\x90\xeb" + body + bytes([sum(body) % 256]))]
         if request[4] == WRITE_FLAG:
             return [(0.0, unhex("90 EB 01 04 12 CE 05 01 EB"))]
-        return [(0.0, reply_to(request, data[: request[7]] if request[5:7] != FORCE_SET else bytes(10)))]
+        return [
+            (
+                0.0,
+                reply_to(
+                    request, data.ljust(request[7], b"\0")[: request[7]] if request[5:7] != FORCE_SET else bytes(10)
+                ),
+            )
+        ]
 
     link = ScriptedLink(answer)
     link.interrupt_at = interrupt_after

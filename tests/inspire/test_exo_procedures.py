@@ -12,6 +12,7 @@ from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.model.prompts import Prompts
+from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     NotedGuide,
@@ -136,11 +137,37 @@ def test_same_id_writes_nothing() -> None:
 
 
 def test_hand_that_already_has_the_id_is_found() -> None:
+    """Which id it had before is not known, and neither is whether this one was saved."""
     hand, link = fake_hand("id=2")
-    assert values(id_baud_save_reset.change_id(hand, 2)) == [2]
+    table = id_baud_save_reset.change_id(hand, 2)
+    assert values(table) == [2] and "before" not in table.rows[0]
     assert hand.bus.id == 2
     assert changing(link.sent) == []
-    assert codes(hand) == ["already"]
+    assert codes(hand) == ["already", "volatile"]
+    assert "save --id 2" in message(hand, "volatile")
+
+
+@each_row(
+    ("family", "there", "typed", "code"),
+    [
+        ("exo", "hand", ("5",), "other-device"),
+        ("exo", "hand", ("5", "--id", "5"), "other-device"),
+        ("hand", "exo", ("5",), "other-device"),
+        ("hand", "exo", ("5", "--id", "5"), "other-device"),
+        ("exo", "exo", ("5",), ""),
+        ("hand", "hand", ("5",), ""),
+        ("exo", "exo", ("5", "--id", "5"), ""),
+    ],
+)
+def test_who_responds_to_the_new_id_is_of_the_family(
+    family: str, there: str, typed: tuple[str, ...], code: str
+) -> None:
+    result = run(family, "id", *typed, "--yes", "-p", f"fake://{there}?clock=virtual&id=5", "--json")
+    assert result.code == (6 if code else 0), result
+    assert not code or (code in result.said and not result.rows), result
+    assert code or result.rows[0]["value"] == 5
+    assert code or ("before" in result.rows[0]) == (len(typed) > 1)
+    assert ("already" in result.codes()) == (not code)
 
 
 def test_nobody_there_writes_nothing() -> None:

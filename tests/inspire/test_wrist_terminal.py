@@ -191,7 +191,7 @@ def test_interrupt_without_a_terminal(tmp_path: Path) -> None:
 @pytest.mark.parametrize("times", [1, 2])
 def test_ctrl_c_at_a_wrist_that_is_gone(times: int) -> None:
     """What could not be stopped is said, with what to do; also to who presses again before it has given up."""
-    port = fake_port(query="fault=silent&after=5")
+    port = fake_port(query="fault=silent&after=6")
     left = [signal.SIGINT] * times
     shown = person(
         "wrist", "move", "--pitch", "20", "--time", "3000", "-p", port, "--timeout", "0.3", "--retries", "1",

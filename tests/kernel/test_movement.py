@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import pytest
 
 from handctl.errors import UsageError
-from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, failure_of_arrivals
+from handctl.model.movement import Arrival, AxisReading, Goal, Stillness, Watch, by_whom, failure_of_arrivals
 from handctl.model.param import given
 from tests.support.each_row import each_row
 
@@ -94,6 +94,42 @@ def test_what_was_read_once_more_counts_for_those_that_are_off() -> None:
 
 
 @each_row(
+    ("start", "rest", "now", "verdict"),
+    [
+        (0, (10, 10), AxisReading(50, currents=(10, 210)), "contact"),
+        (0, (10, 10), AxisReading(50, currents=(10, -210)), "contact"),
+        (0, (10, 10), AxisReading(50, currents=(10, 199)), "short"),
+        (0, (10, 150), AxisReading(50, currents=(10, 249)), "short"),
+        (0, (111, 222), AxisReading(50, currents=(111, 222)), "short"),
+        (0, (222, 111), AxisReading(50, currents=(111, 222)), "contact"),  # each by itself
+        (0, (), AxisReading(50, currents=(900, 900)), "short"),  # what it drew at rest is not known
+        (0, (0, 0), AxisReading(106, currents=(900, 0)), "astray"),
+        (0, (0, 0), AxisReading(105), "reached"),
+        (60, (0, 0), AxisReading(54, contact="force reached"), "astray"),
+        (60, (0, 0), AxisReading(55, contact="force reached"), "contact"),
+        (None, (), AxisReading(106), "short"),
+    ],
+)
+def test_what_counts_as_contact_or_short(
+    start: int | None, rest: tuple[int, ...], now: AxisReading, verdict: str
+) -> None:
+    """Against what was read before the movement, where that is known. A push is 200 here."""
+    before = {"a": AxisReading(start, currents=rest)}
+    watch = Watch([GOAL], STILL._replace(pushing=200), 0.0, before)
+    for number in range(4):
+        watch.note(number * 0.1, {"a": now if number else AxisReading(now.value and now.value - 7)})
+    assert watch.arrivals({"a": now})[0].verdict == verdict
+
+
+@each_row(
+    ("told", "why"),
+    [(None, ""), (100, "its target is unchanged, so it does not obey, or something else moves it"), (40, "its target is 40 now, so another program is commanding it")],
+)  # fmt: skip
+def test_by_whose_target_an_axis_went_astray(told: int | None, why: str) -> None:
+    assert by_whom(Arrival(GOAL, 120, "astray"), told).why == why
+
+
+@each_row(
     ("verdicts", "codes"),
     [
         # what is expected, in the order reached, contact, any -> the code of the failure
@@ -105,6 +141,7 @@ def test_what_was_read_once_more_counts_for_those_that_are_off() -> None:
         (("short", "no-speed"), ("no-speed",) * 3),
         (("reached", "unmoved"), ("not-reached",) * 3),  # a movement that never began has no end
         (("reached", "unread"), ("unread",) * 3),
+        (("blocked", "astray"), ("astray",) * 3),
     ],
 )
 def test_what_is_expected(verdicts: tuple[str, ...], codes: tuple[str | None, ...]) -> None:
@@ -112,7 +149,7 @@ def test_what_is_expected(verdicts: tuple[str, ...], codes: tuple[str | None, ..
     for expect, code in zip(("reached", "contact", "any"), codes, strict=True):
         failure = failure_of_arrivals("here", arrivals, expect)
         assert (failure.code if failure else None) == code, expect
-        assert failure is None or failure.exit_code == 7
+        assert failure is None or failure.exit_code == (6 if code == "astray" else 7)
 
 
 def test_a_movement_without_a_target_ends_where_it_meets_something() -> None:

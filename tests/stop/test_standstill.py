@@ -10,6 +10,7 @@ import pytest
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer
 from handctl.model.command_settings import Settings
 from handctl.model.movement import stands_still
+from handctl.model.standstill import Looks
 from handctl.model.stop_sequence import StopContext, Stopped, exchange_steps, stop_sequence_of
 from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
@@ -160,6 +161,10 @@ MOVES: list[tuple[str, Place, bool]] = [
     ("60 a second", going(60), True),
     ("-100 a second", going(-100, 800), True),
     ("20 a second", going(20), True),
+    ("10 a second, within the noise from look to look", going(10), True),
+    ("-7 a second", going(-7), True),
+    ("brakes, and then creeps on", lambda seconds: 200 + min(60, 150 * seconds) + 8 * seconds, True),
+    ("readings that wander within the noise", lambda seconds: 200 + (0, 2, 1, 3, 0, 1)[int(seconds / 0.2) % 6], False),
 ]
 
 
@@ -201,6 +206,27 @@ def test_a_device_that_is_not_seen_again_is_no_success(family: str, silent_after
     stopped = device.stop(family)  # a hand that has acknowledged in one protocol is not tried in the other
     assert stopped.error is NoAnswer and stopped.hint and stopped.heard, stopped
     assert len(device.writes) == silent_after
+
+
+@each_row(
+    ("readings", "verdicts"),
+    [
+        ((0, 0), [True]),
+        ((0, 2, 2), [None, True]),
+        ((0, 2, 0, 3), [None, None, True]),
+        ((0, 3, 6, 9), [None, None, False]),
+        ((0, 3, 6, 6), [None, None, True]),
+        ((0, 2, 3, 5), [None, None, False]),
+        ((0, 40, 60, 60), [None, None, True]),
+        ((0, 40, 60, 90), [None, None, False]),
+        ((0, 40, 60, 62, 61, 63), [None, None, None, None, True]),
+        ((0, 40, 60, 62, 64), [None, None, None, False]),
+    ],
+)
+def test_readings_after_a_stop(readings: tuple[int, ...], verdicts: list[bool | None]) -> None:
+    """Equal ones stand at once; those that differ within the noise, here 3, are compared with the first one too."""
+    looks = Looks([readings[0]], lambda before, now: stands_still(before, now, 3))
+    assert [looks.judge([one]) for one in readings[1:]] == verdicts
 
 
 @pytest.mark.parametrize(

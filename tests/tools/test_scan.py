@@ -301,6 +301,42 @@ def test_a_hand_with_a_wrist_is_a_wrist() -> None:
     assert [row["family"] for row in answer.rows] == ["wrist"]
 
 
+@each_row(
+    ("words", "link", "code", "behind"),
+    [
+        (("hand", "scan"), "fake://exo", 6, ("ids 2 to 254 at 115200", "at 921600")),
+        (("exo", "scan"), "fake://hand", 6, ("ids 2 to 254 at 115200",)),
+        (("exo", "scan"), "fake://exo?id=7", 0, ("ids 8 to 254 at 115200", "ids 2 to 254 at 57600")),
+        (("hand", "scan", "--protocol", "modbus"), "fake://hand", 0, ("ids 2 to 254",)),
+        (("wrist", "scan"), "fake://wrist?bus=can", 0, ("ids 2 to 254",)),
+        (("scan",), "fake://exo", 0, ("ids other than 1", "hand")),
+        (("scan",), "fake://barrett", 0, ("ids other than 1",)),
+        (("exo", "scan", "--all"), "fake://exo", 0, ()),
+        (("exo", "scan", "--ids", "1", "--baud", "115200"), "fake://exo", 0, ()),
+        (("scan", "--id", "1", "--family", "exo"), "fake://exo?baud=19200", 0, ()),
+    ],
+)  # fmt: skip
+def test_a_scan_that_ends_at_a_device_says_what_it_did_not_try(
+    words: tuple[str, ...], link: str, code: int, behind: tuple[str, ...]
+) -> None:
+    """In JSON and to people; and the next step names the family that was detected."""
+    link = f"{link}{'&' if '?' in link else '?'}clock=virtual"
+    answer = run(*words, "-p", link, "--json")
+    assert answer.code == code, answer
+    left = [text for text in answer.json["scan"]["left"] if text.endswith("--all asks there")]
+    assert len(left) == bool(behind) and ("first" in answer.codes()) == bool(behind), answer.json["scan"]
+    assert all(text in left[0] for text in behind), left
+    assert not code or f"`handctl {answer.rows[0]['family']}`" in answer.error["hint"]
+
+
+def test_what_was_tried_is_what_was_asked(tmp_path: Path) -> None:
+    trace = tmp_path / "trace"
+    answer = run("hand", "scan", "-p", "fake://exo?clock=virtual", "--trace", str(trace), "--json")
+    (told,) = [message["text"] for message in answer.json["messages"] if message["code"] == "scanned"]
+    assert {data[2] for data in sent(trace) if data[:2] == b"\xeb\x90"} == {1}
+    assert "id 1 at 115200" in told and "254" not in told
+
+
 # -- ids ----------------------------------------------------------------------------------------------------------
 
 
@@ -626,7 +662,7 @@ def test_a_ctrl_c_keeps_what_was_found(monkeypatch: pytest.MonkeyPatch) -> None:
     assert (answer.code, answer.error["code"]) == (130, "interrupted")
     assert [row["family"] for row in answer.rows] == ["ekso"]
     assert answer.json["scan"]["links"] == list(links[:2])
-    assert len(answer.json["messages"]) == 1
+    assert answer.codes() == ["first", "interrupted"]
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="no /dev/full here")

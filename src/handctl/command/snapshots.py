@@ -246,7 +246,11 @@ def restore(
         differing.extend(change for change in changes if live.get(change[0].full_name) != change[1])
         for text in device.not_covered:
             run.journal.info("not-covered", f"not covered by a snapshot: {text}")
-        absent = [element.full_name for element in params.kept(setpoints=setpoints) if element.full_name not in values]
+        absent = [
+            element.full_name
+            for element in params.kept(setpoints=setpoints)
+            if element.full_name not in content["values"]
+        ]
         if absent:
             text = f"{path} does not contain {', '.join(absent)}. The device keeps its own values for these"
             run.journal.warn("absent", text)

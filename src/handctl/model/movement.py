@@ -5,9 +5,12 @@ when it has stopped: a number of equal readings over a time that the family defi
 time is longer: a movement may begin late, or pause. The result is one of
 
     reached   it is at its target
-    contact   it stopped before its target, and the device reports an object or a stall, or its current or force shows a push
+    contact   it stopped before its target, and the device reports an object or a stall, or its force shows a push, or its
+              current has risen over what it was at rest before the movement
     short     it moved, and stopped before its target; the device gives no reason
     unmoved   it is not at its target, and no movement was detected; the device gives no reason
+    astray    it stands beyond its target, or on the other side of its start: no obstacle explains that, and something else
+              may be commanding it
     blocked   it has stopped, and the device reports a fault, such as a locked rotor
     moving    it was not seen at rest for that time when the wait was over: it may still move
     no-speed  it is not at its target, and its set speed is 0
@@ -23,14 +26,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from itertools import zip_longest
 
-from handctl.errors import CheckFailed, joined
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, joined
 from handctl.fast_classes import NamedTuple
 from handctl.model.param import Number
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row
 
-REACHED, CONTACT, SHORT, UNMOVED, BLOCKED, MOVING, NO_SPEED, UNREAD = (
-    "reached", "contact", "short", "unmoved", "blocked", "moving", "no-speed", "unread",
+REACHED, CONTACT, SHORT, UNMOVED, ASTRAY, BLOCKED, MOVING, NO_SPEED, UNREAD = (
+    "reached", "contact", "short", "unmoved", "astray", "blocked", "moving", "no-speed", "unread",
 )  # fmt: skip
 ANY = "any"
 EXPECTED = (REACHED, CONTACT, ANY)
@@ -44,9 +47,10 @@ MET: Mapping[str, frozenset[str]] = {
     ENDED: frozenset({REACHED, CONTACT, SHORT, UNMOVED}),
 }
 """What is expected -> the verdicts that each axis may have."""
-CODES = {BLOCKED: "blocked", MOVING: "still-moving", UNREAD: "unread", NO_SPEED: "no-speed"}
+CODES = {ASTRAY: "astray", BLOCKED: "blocked", MOVING: "still-moving", UNREAD: "unread", NO_SPEED: "no-speed"}
 """Verdict -> code of the error where an axis has it, the worst first; else ``not-reached``."""
 HINTS = {
+    ASTRAY: "check whether another program is commanding it: `handctl ports` shows those that use the ports of this computer",
     BLOCKED: "find out which error it reports, and remove its cause",
     MOVING: "wait longer, or stop it",
     UNREAD: "check the link, then read its position again",
@@ -71,6 +75,8 @@ class Stillness(NamedTuple):
     grace             seconds for which standing short of the target is no end yet
     short             seconds at rest that are an end short of the target, unless the device reports one: it may begin late, or pause
     passes            an axis may be exactly at its target and pass by it: it has to stand there
+    pushing           current of an actuator that stands and pushes something; half of that it must have risen since the start
+    draws             such a current in words
     """
 
     samples: int = 3
@@ -81,6 +87,8 @@ class Stillness(NamedTuple):
     grace: float = 0.0
     short: float = 0.0
     passes: bool = False
+    pushing: Number = 0
+    draws: str = "it draws {} mA"
 
 
 class Goal(NamedTuple):
@@ -113,12 +121,15 @@ class AxisReading(NamedTuple):
     moves    what the device itself says of it; None = nothing
     blocked  what it reports against the movement, in words; "" = nothing
     contact  what shows that it has met something, in words; "" = nothing
+    currents what its actuators draw, in the same order each time: one shows a contact where it is enough (`Stillness.pushing`),
+             and has risen since before the movement
     """
 
     value: Number | None
     moves: bool | None = None
     blocked: str = ""
     contact: str = ""
+    currents: tuple[Number, ...] = ()
 
 
 class Arrival(NamedTuple):
@@ -141,6 +152,7 @@ class Arrival(NamedTuple):
             CONTACT: f"{self.goal.name} touched something at {here}",
             SHORT: f"{self.goal.name} stopped at {here}",
             UNMOVED: f"{self.goal.name} did not move from {here}",
+            ASTRAY: f"{self.goal.name} went to {here}, which is not on the way to its target",
             BLOCKED: f"{self.goal.name} is blocked at {here}",
             MOVING: f"{self.goal.name} may still move, now at {here}",
             NO_SPEED: f"{self.goal.name} has speed 0 and stays at {here}",
@@ -148,6 +160,11 @@ class Arrival(NamedTuple):
         }[self.verdict]
         context = "" if self.goal.target is None else f", target {self.goal.text(self.goal.target)}"
         return f"{words}{context}{f' ({self.why})' if self.why else ''}"
+
+
+def is_astray(start: Number, target: Number, value: Number, near: Number) -> bool:
+    """Whether an axis is farther than `near` beyond its target, or on the other side of its start."""
+    return not min(start, target) - near <= value <= max(start, target) + near
 
 
 def stands(before: Number, now: Number, jitter: Number) -> bool:
@@ -202,10 +219,16 @@ class _Axis:
 
 
 class Watch:
-    """Sees readings of the axes of a movement one after the other, and says when all have ended. Does no I/O."""
+    """Sees readings of the axes of a movement one after the other, and says when all have ended. Does no I/O.
 
-    def __init__(self, goals: Sequence[Goal], still: Stillness, now: float) -> None:
+    `before` is what was read of each axis before it was commanded; what is not in it is not known.
+    """
+
+    def __init__(
+        self, goals: Sequence[Goal], still: Stillness, now: float, before: Mapping[str, AxisReading] | None = None
+    ) -> None:
         self.still = still
+        self._before = before or {}
         self.begun = self.now = now
         self._axes = {goal.name: _Axis(goal) for goal in goals}
 
@@ -264,14 +287,27 @@ class Watch:
         if goal.speed == 0 and not axis.moved:
             return Arrival(goal, value, NO_SPEED)
         blocked, contact = "", axis.seen.contact
+        before = self._before.get(goal.name, AxisReading(None))
         if deeper is not None and not near:
-            blocked, contact = deeper.blocked, contact or deeper.contact
-        if not self._rests(axis, explained=bool(blocked or contact)):
+            blocked, contact = deeper.blocked, contact or deeper.contact or self._pushes(before, deeper)
+        known = before.value is not None and goal.target is not None and not near
+        astray = known and is_astray(before.value, goal.target, value, goal.near)  # type: ignore[arg-type]
+        if not self._rests(axis, explained=bool(blocked or contact or astray)):
             return Arrival(goal, value, MOVING)
         if blocked:
             return Arrival(goal, value, BLOCKED, blocked)
+        if astray:
+            return Arrival(goal, value, ASTRAY)
         verdict = CONTACT if contact else SHORT if axis.moved else UNMOVED
         return Arrival(goal, value, verdict, contact)
+
+    def _pushes(self, before: AxisReading, now: AxisReading) -> str:
+        """What the current of an axis that stands shows, in words; "" = no push, or it was as high before."""
+        pushing = self.still.pushing
+        for rest, current in zip(before.currents, now.currents, strict=False):
+            if abs(current) >= pushing and abs(current) - abs(rest) >= pushing / 2:
+                return self.still.draws.format(current)
+        return ""
 
     @property
     def reached(self) -> bool:
@@ -305,9 +341,10 @@ def watch(
     look: Callable[[], Mapping[str, AxisReading]],
     prompts: Prompts,
     clock: Clock,
+    before: Mapping[str, AxisReading] | None = None,
 ) -> Watch:
     """Look until every axis has ended its movement, or the wait is over."""
-    seen = Watch(goals, still, clock.now())
+    seen = Watch(goals, still, clock.now(), before)
     while True:
         now_seen = look()
         ended = seen.note(clock.now(), now_seen)
@@ -320,7 +357,7 @@ def watch(
 
 def failure_of_arrivals(
     where: str, arrivals: Sequence[Arrival], expect: str, *, hint: str = "", blocked: str = ""
-) -> CheckFailed | None:
+) -> HandctlError | None:
     """The error where not every axis ended as it was expected to, with what became of those that did not.
 
     `hint` is the family's own next step, and comes first. `blocked` is the one for the faults that it reports.
@@ -335,11 +372,21 @@ def failure_of_arrivals(
     if not off:
         return None
     worst = next((verdict for verdict in HINTS if any(one.verdict == verdict for one in off)), SHORT)
-    return CheckFailed(
+    kind = DeviceRefused if worst == ASTRAY else CheckFailed
+    return kind(
         f"{where}: {'the target was' if len(off) == 1 else 'targets were'} not reached: {listed(off)}",
         hint=joined(hint, blocked if blocked and worst == BLOCKED else HINTS[worst]),
         code=CODES.get(worst, "not-reached"),
     )
+
+
+def by_whom(arrival: Arrival, told: Number | None) -> Arrival:
+    """An axis that went astray, with what the device reports as its target; None = not known."""
+    if told is None:
+        return arrival
+    if told == arrival.goal.target:
+        return arrival._replace(why="its target is unchanged, so it does not obey, or something else moves it")
+    return arrival._replace(why=f"its target is {arrival.goal.text(told)} now, so another program is commanding it")
 
 
 def listed(arrivals: Sequence[Arrival]) -> str:

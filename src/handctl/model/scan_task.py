@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from handctl.errors import HandctlError
-    from handctl.model.result import Row
+    from handctl.model.result import Journal, Row
 
 LABEL_HINT = "check the label on the device: its replies do not show which device it is"
 NOT_ASKED = "not-asked"
@@ -46,3 +46,10 @@ class ScanTask:
     tried: dict[int | None, str] = field(default_factory=dict)
     left: list[str] = field(default_factory=list)
     facts: dict[str, Any] = field(default_factory=dict)
+
+
+def ended_at_first(journal: Journal, left: list[str], link: str, what: str) -> None:
+    """Tell that the scan of a link ended at the first device, and `what` it did not try, which goes into `left` as well."""
+    text = f"{link}: the scan ended at the first device. It did not try {what}"
+    journal.info("first", text, hint="add --all to look for more")
+    left.append(f"{what}: --all asks there")

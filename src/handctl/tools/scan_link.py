@@ -13,7 +13,7 @@ from handctl.families import SCAN_ORDER
 from handctl.link import ByteLink, Deadline, Link
 from handctl.model.other_family_bytes import has_frame_of
 from handctl.model.result import Journal, LineQuality, Row
-from handctl.model.scan_task import ScanTask
+from handctl.model.scan_task import ScanTask, ended_at_first
 from handctl.number_parsing import number_in
 from handctl.tools.family_probe import FamilyProbe, family_of, has_speed, listened, probe_of
 from handctl.tools.scan_report import TALKATIVE, Search, Step
@@ -76,12 +76,27 @@ class LinkScan:
                 return
         aside = {family for family in families if wire == "serial" and getattr(probe_of(family), "ASIDE", False)}
         self._each([step for step in steps if step.family not in aside])
-        if (search.rows and not self._all) or self._bound.expired or "boot-monitor" in self._met:
+        sweeps = [members for looks, members in makers if looks is not None and len(self._ids) != 1]
+        if search.rows and not self._all:
+            self._ended(steps, [family for members in sweeps for family in members])
+            return
+        if self._bound.expired or "boot-monitor" in self._met:
             return
         for looks, members in makers:
             if looks is not None and (len(self._ids) != 1 or aside & {*members}):
                 self._sweep(looks, members, first=False)
         search.expired = self._bound.expired
+
+    def _ended(self, steps: Sequence[Step], with_ids: Sequence[str]) -> None:
+        """Tell what was not tried behind the first device: families, and the further ids of those that have ids."""
+        search, last = self._search, self._before
+        asked = {step.family for step in search.met} | ({last.family} if last is not None else set())
+        rest = list(dict.fromkeys(step.family for step in steps if step.family not in asked))
+        what = [f"ids other than {(self._ids or [1])[0]}"] if with_ids else []
+        if rest:
+            what.append(f"the {'family' if len(rest) == 1 else 'families'} {', '.join(rest)}")
+        if what:
+            ended_at_first(self._run.journal, search.left, search.link, ", and ".join(what))
 
     def _each(self, steps: Sequence[Step]) -> None:
         """Every family with its usual id, at each of its speeds."""

@@ -123,6 +123,16 @@ ROWS = (
         WHICH + "test_two_names_of_one_port_are_stopped_one_after_the_other",
     ),
     mistake(
+        "stop-takes-a-slow-movement-for-a-resting-reading",
+        "false success",
+        "handctl.model.standstill",
+        "Looks.judge",
+        "self.moved = None if self._still(self._first, now) else (self._first, now)",
+        "self.moved = None",
+        "tests/stop/test_standstill.py::test_readings_after_a_stop",
+        "tests/stop/test_standstill.py::test_what_moves_slowly_behind_a_stop_is_seen",
+    ),
+    mistake(
         "stop-forgets-a-calibration-that-another-command-has-started",
         "false success",
         "handctl.stop.device_access",

@@ -34,6 +34,7 @@ from handctl.devices.aidin.parameter_map import (
     AIDIN,
     CURRENTS,
     LARGEST_RADIAN,
+    TIPS,
     AidinParam,
     Mode,
     Target,
@@ -249,10 +250,12 @@ ARRIVE = 3.0
 """Seconds after the ramp's end until a target counts as not reached."""
 LOOKS = 50
 """Looks that these seconds have at least: a program that the system held up has not seen the hand yet."""
-STILL = Stillness(samples=3, seconds=0.2, grace=ARRIVE, passes=True)
-"""A target is reached when the element was near it for so long: one that passes by, or still comes nearer, is not there."""
 PUSHING = 200
 """Per mille of the rated current: a motor that stands and draws more pushes something. Ours, the manual has no figure."""
+STILL = Stillness(
+    samples=3, seconds=0.2, grace=ARRIVE, passes=True, pushing=PUSHING, draws="a motor draws {} per mille"
+)
+"""A target is reached when the element was near it for so long: one that passes by, or still comes nearer, is not there."""
 GOES_ON = "no stop was sent, so the hand probably continues to its last target. `handctl aidin stop` frees it"
 HOLDS = "reached. Nothing more is sent, and the hand probably holds its position"
 CURRENT = AIDIN["current_state"]
@@ -319,13 +322,14 @@ def move(hand: AidinHand, goal: Goal, prompts: Prompts, *, assume_homed: bool, e
     here = measured(hand, goal.target)
     values = goal.complete(here)
     _check_start(hand, goal.target, here, assume=assume_homed)
+    before = _at_rest(hand, goal.target, here)
     ledger = hand.journal.ledger
     begun = ledger.mark
     ledger.plan([last_step(goal, values, conversation.way.end)])
     with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts, ImplausibleFeedback, otherwise=GOES_ON):
         _follow(hand, goal, ramp(goal, here, values, PERIOD), prompts)
         conversation.feedback = Feedback()
-        seen = Watch(axes_of(goal, values), STILL, hand.link.now())
+        seen = Watch(axes_of(goal, values), STILL, hand.link.now(), before)
         _settle(hand, goal, values, seen, prompts)
         arrived, lives = seen.reached, conversation.guard is not None and conversation.guard.changed
         if not arrived:
@@ -334,7 +338,7 @@ def move(hand: AidinHand, goal: Goal, prompts: Prompts, *, assume_homed: bool, e
         table = hand.table(hand.read(goal.target.feedback.each))
     if table.failure is None:
         seen.note(hand.link.now(), _places(table))
-        mark(hand, table, values, seen.arrivals(_pushing(hand, seen)), expect)
+        mark(hand, table, values, seen.arrivals(_drawn(hand, seen.short)), expect)
         if not lives and not arrived:
             hand.journal.warn(
                 "unchanged",
@@ -413,17 +417,26 @@ def element_of(row: Row) -> str:
     return f"{row['finger']}.{row['element']}"
 
 
-def _pushing(hand: AidinHand, seen: Watch) -> dict[str, AxisReading]:
-    """For elements that are not at their targets: whether a motor of the same finger pushes, by the last reported currents."""
+def _at_rest(hand: AidinHand, target: Target, here: Sequence[Number]) -> dict[str, AxisReading]:
+    """Each element before the movement. A fingertip has no way of its own to its target in one coordinate."""
+    flowing, names = _drawn(hand, target.feedback.elements), target.feedback.elements
+    return {
+        name: flowing.get(name, AxisReading(None))._replace(value=None if target is TIPS else place)
+        for name, place in zip(names, here, strict=True)
+    }
+
+
+def _drawn(hand: AidinHand, names: Sequence[str]) -> dict[str, AxisReading]:
+    """The currents of the motors of each element's finger, as the hand reported them last; {} where they are not known."""
     told = hand.conversation.feedback
     if CURRENT.key in told.errors or CURRENT.key not in told.values:
         return {}
     currents = dict(zip(CURRENT.elements, map(int, told.values[CURRENT.key]), strict=True))
     found = {}
-    for name in seen.short:
+    for name in names:
         finger = name.partition(".")[0]
-        most = max((value for motor, value in currents.items() if motor.startswith(f"{finger}.")), key=abs)
-        found[name] = AxisReading(None, contact=f"a motor draws {most} per mille" if abs(most) >= PUSHING else "")
+        flowing = tuple(value for motor, value in currents.items() if motor.startswith(f"{finger}."))
+        found[name] = AxisReading(None, currents=flowing)
     return found
 
 

@@ -222,7 +222,7 @@ def stroke(index: int) -> float:
     return limit[1] - limit[0]
 
 
-def moving(before: tuple[Number, ...] | None, now: tuple[Number, ...]) -> list[int]:
+def moving(before: Sequence[Number] | None, now: Sequence[Number]) -> list[int]:
     """Motors whose encoder has changed by more than jitter; all of them without a look before."""
     if before is None:
         return list(range(len(now)))

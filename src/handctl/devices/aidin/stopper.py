@@ -15,8 +15,8 @@ from handctl.devices.aidin.parameter_map import CURRENTS, MOTOR_POS, Mode, movin
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
+from handctl.model.standstill import Looks
 from handctl.model.stop_sequence import (
-    LOOKS,
     Pieces,
     StopContext,
     Stopped,
@@ -67,17 +67,20 @@ def stop_steps(context: StopContext) -> StopSequence:
     if not heard:
         since = "the hand has sent nothing since" if spoke else "the hand sends nothing"
         return Stopped(f"stop was sent repeatedly but is not confirmed: {since}", HINT, NoAnswer)
-    going = list[int]()
-    for count in range(LOOKS):
-        if count:
+    looks: Looks | None = None
+    stands: bool | None = None
+    while stands is None:
+        if looks is not None:
             places = _told(decoder, (yield action))[1] or places
         since_then, seen = _told(decoder, (yield from silence()))
         if not since_then and not seen:
             since_then, seen = _told(decoder, (yield action))
         places = [*places[-1:], *seen]
-        going = moving(places[0], places[-1]) if places else []
-        if not going:
+        if len(places) < 2:
             break
+        looks = looks or Looks(places[0], lambda before, now: not moving(before, now))
+        stands = looks.judge(places[-1])
+    going = moving(*looks.moved) if looks is not None and looks.moved is not None and stands is False else []
     return _judged(told, since_then, going, flowed and not own.get(ENDS), spoke, len(places) > 1)
 
 

@@ -18,6 +18,7 @@ from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import (
     ARRIVAL,
+    ASTRAY,
     BLOCKED,
     CONTACT,
     REACHED,
@@ -27,6 +28,7 @@ from handctl.model.movement import (
     Arrival,
     Goal,
     failure_of_arrivals,
+    is_astray,
 )
 from handctl.model.param import Step
 from handctl.model.prompts import CTRL_C, Prompts
@@ -351,6 +353,13 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, 
         return Ended(BLOCKED, "over-temperature: did not move, or stopped")
     if "P" not in now:
         return Ended(UNREAD, "unknown: its position could not be read")
+    if (
+        start is not None
+        and goal is not None
+        and name not in (*TORQUE, "HI")
+        and is_astray(start, goal, now["P"], near)
+    ):  # HI sets a new origin, so a start from before says nothing
+        return Ended(ASTRAY, "is not between its start and its target")
     strain, high, low = now.get("SG", NO_GAUGE), now.get("HSG", OFF), now.get("LSG", OFF)
     over, under = high < OFF and strain > high, low < OFF and strain < low
     if strain != NO_GAUGE and (over or under):

@@ -327,6 +327,8 @@ class Scanner(Requester):
         self._until: Deadline | None = None if want.silence is None else bus.link.deadline(want.silence)
         self.left: list[tuple[int | None, int]] = []
         """Speed, and the first id that was not asked there since `silence` was over."""
+        self.asked: dict[int | None, set[int]] = {}
+        """Speed -> the ids that were asked there."""
         self.unasked: set[tuple[int | None, int]] = set()
         """Speed and id that was not asked there, because another device could act on the request."""
         self._doubted: set[int] = set()  # ids that answered in this pass, and not when asked again
@@ -443,6 +445,7 @@ class Scanner(Requester):
                 return
             self._tell(this, device_id, number / (len(ids) + 1))
             other = number == 1 or (number > 1 and self.found.single is not None)
+            self.asked.setdefault(speed, set()).add(device_id)
             whole = self._first(device_id, answered, other=other)
             if not whole and self.found.single and device_id not in answered:
                 self._first(device_id, answered, other=other)  # somebody spoke at the same time

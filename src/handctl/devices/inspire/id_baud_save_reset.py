@@ -150,6 +150,7 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
     """
     bus, old = hand.bus, hand.bus.id
     if new == old:
+        hand.identify()
         hand.journal.info("already", f"the hand already has id {new}")
         return _id_row(hand, old)
     new_taken = probe(bus, new)
@@ -163,15 +164,17 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
     if (not old_there or (bus.round_trip or 0.0) > bus.timeout / 2) and _slower(bus):
         old_there, new_taken = True, probe(bus, new)
     if not old_there and new_taken:
-        bus.id = new
+        _identify_at(hand, new)
         hand.journal.info("already", f"no hand responds to id {old}, but one already responds to id {new}")
-        return _id_row(hand, old)
+        if not saved_next:
+            _tell_volatile(hand, new, ", unless it has been saved")
+        return _id_row(hand)
     if not old_there:
         hand.identify()  # somebody else's answers name him
         bus.read(*bus.presence)  # says what comes instead: silence, or only our own bytes
     if new_taken:
         raise CheckFailed(
-            f"{bus.link.name}: id {new} is taken by another hand on this line",
+            f"{bus.link.name}: id {new} is taken by another device on this line",
             hint=Hint("choose a free id: {} lists those in use. Nothing was written.", f"{hand.kind} scan --all"),
             code="id-taken",
         )
@@ -181,6 +184,25 @@ def change_id(hand: RegisterDevice, new: int, *, saved_next: bool = False) -> Ta
         Hint("find it with {}. A power-cycle brings back the saved id", f"{hand.kind} scan"),
     ):
         return _write_id(hand, new, saved_next)
+
+
+def _identify_at(hand: RegisterDevice, new: int) -> None:
+    """Look who responds to id `new`, and go on with that. Raises NotIdentified, and then the id stays as it was."""
+    bus, old = hand.bus, hand.bus.id
+    bus.id = new
+    try:
+        hand.identify()
+    except BaseException:
+        bus.id = old
+        raise
+
+
+def _tell_volatile(hand: RegisterDevice, new: int, unless: str = "") -> None:
+    hand.journal.info(
+        "volatile",
+        f"id {new} lasts only until power-off{unless}",
+        hint=Hint(f"keep it with {{}} ({hand.map['save'].source})", f"{hand.kind} save --id {new}"),
+    )
 
 
 def _slower(bus: RegisterBus) -> bool:
@@ -204,11 +226,7 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
         row = _id_row(hand, old)
         hand.journal.ledger.confirm(f"responds to id {new}", step)
         if not saved_next:
-            hand.journal.info(
-                "volatile",
-                f"id {new} lasts only until power-off",
-                hint=Hint(f"keep it with {{}} ({hand.map['save'].source})", f"{hand.kind} save --id {new}"),
-            )
+            _tell_volatile(hand, new)
         return row
     if probe(bus, old):
         raise _still_old(hand, new, step)
@@ -243,7 +261,8 @@ def _still_old(hand: RegisterDevice, new: int, step: Step) -> CheckFailed:
     return CheckFailed(f"{text} yet", hint=Hint(waits, f"{hand.kind} scan"), code="id-waits")
 
 
-def _id_row(hand: RegisterDevice, before: int) -> Table:
+def _id_row(hand: RegisterDevice, before: int | None = None) -> Table:
+    """The id that the hand has now; `before` as far as it is known."""
     register = hand.map["id"]
     value = hand.bus.read(register.address, register.size)
     if value[0] != hand.bus.id:
@@ -253,6 +272,8 @@ def _id_row(hand: RegisterDevice, before: int) -> Table:
             code="read-back",
         )
     row = hand.row(Reading(Element(register, 0), value[0], value))
+    if before is None:
+        return Table(rows=[row], columns=hand.columns)
     return Table(rows=[{**row, "before": before}], columns=(*hand.columns, Column("before", "Before", right=True)))
 
 

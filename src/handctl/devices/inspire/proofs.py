@@ -16,7 +16,7 @@ from handctl.devices.inspire.id_baud_save_reset import probe, save_failed, save_
 from handctl.devices.inspire.register_bus import RegisterBus, Span
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.serial_bus import SerialBus
-from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer
+from handctl.errors import CheckFailed, DeviceRefused, Hint, Interrupted, NoAnswer
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.proofs import PERMANENT, WRITE_BACK, Disturbed, Observation, Proof, put_back
@@ -167,12 +167,24 @@ def _there_and_back(device: RegisterDevice, bus: SerialBus, new: int) -> int:
     """The id that acknowledges the change. Raises what kept it from being confirmed that the old one is back."""
     address, back = device.map["id"].address, bus.at(device_id=new)
     prefixes = [write_ack_prefix(one, address // bus.per, WRITE) for one in (bus.id, new)]
+    home = False
+
+    def go_home() -> None:
+        nonlocal home
+        _back_home(device, bus, back)
+        home = True
+
     try:
-        frame = bus.exchange(write_request(bus.id, address // bus.per, bytes([new]), WRITE), prefixes, reply_size=9)
-        step = bus.write_step(address, bytes([new]), f"id = {new}")
-        device.journal.ledger.confirm(f"acknowledged by id {frame.id}", step)
-    finally:
-        put_back(partial(_back_home, device, bus, back))
+        try:
+            frame = bus.exchange(write_request(bus.id, address // bus.per, bytes([new]), WRITE), prefixes, reply_size=9)
+            step = bus.write_step(address, bytes([new]), f"id = {new}")
+            device.journal.ledger.confirm(f"acknowledged by id {frame.id}", step)
+        finally:
+            put_back(go_home)
+    except KeyboardInterrupt as exc:
+        if not home:
+            raise
+        raise Interrupted(f"interrupted. The hand has id {bus.id} again") from exc
     return frame.id
 
 

@@ -34,12 +34,14 @@ from handctl.fast_classes import NamedTuple
 from handctl.link import CanFrame
 from handctl.model.device import Device
 from handctl.model.movement import (
+    ASTRAY,
     BLOCKED,
     Arrival,
     AxisReading,
     Goal,
     Stillness,
     Watch,
+    by_whom,
     failure_of_arrivals,
     marked,
     watch,
@@ -240,11 +242,23 @@ BEGINS = 1.8
 begin, or how long it may pause; this is twice the 0.8 s of a whole stroke (RH56 §2.4.8), and some."""
 
 
+def drawn(readings: Sequence[Reading]) -> AxisReading:
+    """The currents of one axis."""
+    return AxisReading(None, currents=tuple(reading.value or 0 for reading in readings))
+
+
+def drawn_by_parts(readings: Sequence[Reading]) -> dict[str, AxisReading]:
+    """Finger -> the current of its actuator."""
+    return {reading.element.part or "": drawn([reading]) for reading in readings}
+
+
 class Movement(NamedTuple):
     """What is watched of a movement.
 
     elements  are read again and again, `seen` tells what each goal shows in them
     evidence  why goals were missed, asked once all stands still
+    currents  are read before the movement too, and `drawn` tells which of them are a goal's
+    targets   tell where it is commanded to
     what      moves, in words
     pause     seconds before the first look
     name      the goal that a reading belongs to
@@ -258,6 +272,9 @@ class Movement(NamedTuple):
     what: str = "The fingers"
     pause: float = 0.0
     name: Callable[[Reading], str] = lambda reading: reading.element.part or ""
+    currents: Sequence[Element] = ()
+    drawn: Callable[[Sequence[Reading]], dict[str, AxisReading]] = drawn_by_parts
+    targets: Sequence[Element] = ()
 
 
 class RegisterDevice(Device):
@@ -487,15 +504,24 @@ class RegisterDevice(Device):
             last[:] = self.read(this.elements)
             return this.seen(last)
 
+        at_rest = self.read([*this.elements, *this.currents])
+        shown, flowing = at_rest[: len(this.elements)], this.drawn(at_rest[len(this.elements) :])
+        before = {
+            name: one._replace(currents=flowing[name].currents) if name in flowing else one
+            for name, one in this.seen(shown).items()
+        }
         with self.driven(prompts, who=this.what):
             start()
             clock = self.bus.clock(wait, this.still.refresh)
             self.bus.pause(this.pause)
-            seen = watch(this.goals, this.still, look, prompts, clock)
+            seen = watch(this.goals, this.still, look, prompts, clock, before)
             deeper = this.evidence(seen, last) or {}
-            # an actuator may draw that much at rest: it pushes something only if it had moved
-            deeper |= {name: one._replace(contact="") for name, one in deeper.items() if name not in seen.moved}
+            # what has not moved has met nothing on its way, whatever it draws now
+            deeper |= {name: one._replace(currents=()) for name, one in deeper.items() if name not in seen.moved}
             arrivals = seen.arrivals(deeper)
+            if any(one.verdict == ASTRAY for one in arrivals):
+                told = self._commanded(this)
+                arrivals = [by_whom(one, told.get(one.goal.name)) if one.verdict == ASTRAY else one for one in arrivals]
         at = {one.goal.name: one for one in arrivals}
         rows = [marked(self.row(reading), at.get(this.name(reading))) for reading in last]
         failure = failure_of_arrivals(
@@ -506,6 +532,13 @@ class RegisterDevice(Device):
             blocked=self._step_of_faults([one.why for one in arrivals if one.verdict == BLOCKED]),
         )
         return Table(rows=rows, columns=with_arrival(self.columns), failure=failure), arrivals
+
+    def _commanded(self, this: Movement) -> dict[str, Number | None]:
+        """Where the device says that each goal is commanded to; {} where it does not answer that."""
+        try:
+            return {this.name(reading): reading.value for reading in self.read(this.targets)}
+        except (NoAnswer, ProtocolError):
+            return {}
 
     def _step_of_faults(self, faults: Sequence[str]) -> str:
         """What to do about faults that ended a movement; "" for none."""

@@ -81,11 +81,6 @@ def address_in(text: str) -> int:
     return address
 
 
-def pushes(current: int) -> str:
-    """What the current of a stopped actuator shows, in words; "" = nothing."""
-    return f"it draws {current} mA" if abs(current) >= DRAWN else ""
-
-
 def register_of(element: Element) -> Register:
     """The register that an element of one of these maps belongs to."""
     assert isinstance(element.param, Register)

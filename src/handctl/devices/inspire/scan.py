@@ -9,7 +9,7 @@ On CAN each family has a flag of its own. Where a link carries Modbus TCP a hand
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ from handctl.devices.inspire.id_and_baud_search import (
     Scanner,
     ScanRequest,
 )
-from handctl.devices.inspire.identity import EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind
+from handctl.devices.inspire.identity import BYTE_HAND, EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, FEWER, RegisterBus, Span, at_speed, other_speed
@@ -36,7 +36,7 @@ from handctl.model.device import OTHER_FORM
 from handctl.model.param import ids_in
 from handctl.model.prompts import Progress
 from handctl.model.result import Journal, Row
-from handctl.model.scan_task import NOT_ASKED, ScanTask
+from handctl.model.scan_task import NOT_ASKED, ScanTask, ended_at_first
 from handctl.wording import plural
 
 SCAN_BAUD_RATES = (115200, 57600, 19200)
@@ -131,6 +131,8 @@ class Sweep:
         self.left: list[str] = []
         self.unasked: set[tuple[int | None, int]] = set()
         self.collided: list[tuple[int | None, int]] = []
+        self.asked: dict[int | None, set[int]] = {}
+        self.speeds: Sequence[int | None] = ()
 
     def run(self) -> None:
         """All of it; the port has its speed again afterwards."""
@@ -163,11 +165,23 @@ class Sweep:
             known = strange[0]["family"] is not None
             task.failure = DeviceRefused(
                 f"{self.link.name}: no {self.names}, but {strange[0]['evidence']}",
-                hint=SIX_HINT if known else "check the label: the device's replies do not show which device it is",
+                hint=_command_for(strange[0]["family"])
+                if known
+                else "check the label: the device's replies do not show which device it is",
                 code="other-device" if known else NOT_SHOWN,
             )
-        elif task.rows and not task.find_all:
-            self.journal.info("first", "the scan ended at the first device", hint="add --all to look for more")
+        if task.rows and not task.find_all and (what := self._behind_the_first()):
+            ended_at_first(self.journal, task.left, self.link.name, what)
+
+    def _behind_the_first(self) -> str:
+        """What a scan that ended at a device did not try, in words; "" = it was the last question."""
+        if not self.asked:
+            behind = self.ids[self.ids.index(self.task.rows[-1]["id"]) + 1 :] if not self.tcp else []
+            return span_text(behind) if behind else ""
+        rest = {
+            speed: [number for number in self.ids if number not in self.asked.get(speed, ())] for speed in self.speeds
+        }
+        return asked_text({speed: ids for speed, ids in rest.items() if ids})
 
     # -- serial --------------------------------------------------------------------------------------------------
 
@@ -178,6 +192,7 @@ class Sweep:
         speeds: list[int | None] = [link.baud]
         if link.can_set_baud and self.task.baud is None:
             speeds = list(self.lead.speeds if len(self.targets) == 1 else SCAN_BAUD_RATES)
+        self.speeds = speeds
         found = Findings()
         with at_speed(link, None):
             if self.eb90:
@@ -223,6 +238,8 @@ class Sweep:
         self.left += [left_text(speed, number, self.ids[-1], target.family) for speed, number in scanner.left]
         self.collided += found.twins
         self.unasked |= scanner.unasked
+        for speed, numbers in scanner.asked.items():
+            self.asked.setdefault(speed, set()).update(numbers)
         for speed, device_id, value in found.hits:
             kind, shown = found.kinds.get((speed, device_id), (target.own, ""))
             read = _evidence(target.value, value)
@@ -341,7 +358,8 @@ class Sweep:
                 data = search.values.get(number)
                 read = _evidence(probed, None if data is None else int.from_bytes(data, "little", signed=True))
                 self._row(who or (target.own, None, read), None, number, "can", "")
-            summary = f"{search.probes} read-only probes of {probed}, {span_text(self.ids)}, {self._seconds:.2f} s"
+            asked = self.ids[: self.ids.index(found[-1]) + 1] if found and not task.find_all else self.ids
+            summary = f"{search.probes} read-only probes of {probed}, {span_text(asked)}, {self._seconds:.2f} s"
             summary += ", ended by --deadline before all were asked" if search.cut else ""
             self.journal.info("scanned", summary)
             task.facts |= {"probes": search.probes, "error_frames": search.errors}
@@ -364,9 +382,10 @@ class Sweep:
     def _tell(self, link: ByteLink, found: Findings, speeds: Sequence[int | None]) -> None:
         task, journal = self.task, self.journal
         task.left += self._left_out(link, speeds)
-        at = ", ".join(str(speed) if speed else "the link's speed" for speed in speeds)
         probes = found.probes + self.probes
-        summary = f"{probes} probes, {self._seconds:.2f} s, tried: {span_text(self.ids)} at {at}"
+        ended = task.rows and not task.find_all and self.asked
+        tried = asked_text(self.asked if ended else dict.fromkeys(speeds, self.ids))
+        summary = f"{probes} probes, {self._seconds:.2f} s, tried: {tried}"
         if self.asked_rtu:
             summary += ", and in Modbus RTU" + at_text(self.asked_rtu[0])
         if found.single is not None:
@@ -470,6 +489,19 @@ def ids_text(ids: Sequence[int]) -> str:
 
 def span_text(ids: Sequence[int]) -> str:
     return f"id {ids[0]}" if len(ids) == 1 else f"ids {ids[0]} to {ids[-1]}"
+
+
+def asked_text(asked: Mapping[int | None, Collection[int]]) -> str:
+    """Speed -> ids, in words, speeds with the same ids together: ``ids 1 to 254 at 115200, 57600``."""
+    groups: dict[str, list[str]] = {}
+    for speed, ids in asked.items():
+        groups.setdefault(span_text(sorted(ids)), []).append(str(speed) if speed else "the link's speed")
+    return "; ".join(f"{ids} at {', '.join(speeds)}" for ids, speeds in groups.items())
+
+
+def _command_for(family: str) -> str:
+    """The next step where a scan for another family found one of this."""
+    return SIX_HINT if family == BYTE_HAND.family else f"use `handctl {family}`, the command for it"
 
 
 def left_text(speed: int | None, first: int, last: int, family: str) -> str:

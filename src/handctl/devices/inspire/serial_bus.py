@@ -328,7 +328,7 @@ class SerialBus(ByteBus):
             raise self._failure(request, came, started)
         self._rest, self._disturbed, self._slow = decoder.rest(), False, False
         if decoder.skipped and replied is not None:
-            self._look_for_second(replied, came)
+            self._look_for_second(replied, came[: len(came) - len(self._rest) - len(frame.encode())])
         if request[4] == self.read_flag:
             self._last.reply = (prefixes[0], frame)
             if self._rest:

@@ -15,8 +15,8 @@ from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_bus import may_still_move
-from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice
-from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, OVER_TEMPERATURE, pushes
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn_by_parts
+from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, DRAWN, OVER_TEMPERATURE
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink
@@ -347,7 +347,10 @@ def status_view(rows: list[Row]) -> list[Grid]:
 
 # -- what moves it over a time ----------------------------------------------------------------------------------------
 
-STILL = Stillness(samples=3, seconds=0.5, refresh=0.05, short=BEGINS)
+STILL = Stillness(samples=3, seconds=0.5, refresh=0.05, short=BEGINS, pushing=DRAWN)
+
+
+CURRENTS = EXO["current"].each
 
 
 def command(hand: ExoHand, which: str, values: Mapping[int, int], prompts: Prompts) -> Table:
@@ -368,19 +371,19 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
         EXO["position_actual"].each,
         lambda readings: {reading.element.part or "": AxisReading(reading.value) for reading in readings},
         lambda seen, _: _evidence(hand) if seen.short else None,
+        currents=CURRENTS,
+        targets=EXO["position_set"].each,
     )
     return hand.moved(this, lambda: hand.command_some("position", values), prompts, wait=wait, expect=expect)[0]
 
 
 def _evidence(hand: ExoHand) -> dict[str, AxisReading]:
     """Why fingers are not at their targets: error bits, or a current that shows something in their way."""
-    readings = hand.read([element for name in ("error", "current") for element in EXO[name].each])
-    at = {reading.element.full_name: int(reading.value or 0) for reading in readings}
+    errors = EXO["error"].each
+    readings = hand.read([*errors, *CURRENTS])
+    flowing = drawn_by_parts(readings[len(errors) :])
+    bits = {reading.element.part or "": int(reading.value or 0) for reading in readings[: len(errors)]}
     return {
-        finger: AxisReading(
-            None,
-            blocked=EXO["error"].label(bits) or "" if (bits := at[f"error.{finger}"]) else "",
-            contact=pushes(at[f"current.{finger}"]),
-        )
-        for finger in FINGERS
+        finger: one._replace(blocked=EXO["error"].label(bits[finger]) or "" if bits[finger] else "")
+        for finger, one in flowing.items()
     }

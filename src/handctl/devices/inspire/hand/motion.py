@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
 from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, NO_TEMPERATURE, TOO_HOT_TO_MOVE
-from handctl.devices.inspire.register_device import BEGINS, Movement
-from handctl.devices.inspire.register_map import ALONE, pushes
+from handctl.devices.inspire.register_device import BEGINS, Movement, drawn_by_parts
+from handctl.devices.inspire.register_map import ALONE, DRAWN
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
@@ -24,7 +24,7 @@ from handctl.model.stop_on_interrupt import on_early_end
 MOVED = {course.target: course.actual for course in SETPOINT_PAIRS}
 """What is commanded -> what shows where it is."""
 NEAR = {course.target: course.near for course in SETPOINT_PAIRS}
-STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1, short=BEGINS)
+STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1, short=BEGINS, pushing=DRAWN)
 """The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5). Where a finger
 stands and its status says that it moves, the hand gets a second to report what holds it."""
 SLOWEST_CHANGE = 3 / 1.25
@@ -161,6 +161,8 @@ def move(
         seen,
         lambda watched, last: _evidence(hand, watched, last),
         pause=STILL.refresh,
+        currents=[element for element in hand.map["current"].each if element.part in targets],
+        targets=[element for element, value in changes if value != ALONE],
     )
     return hand.moved(this, lambda: hand.write(changes), prompts, wait=wait, expect=expect)[0]
 
@@ -183,10 +185,7 @@ def _evidence(hand: Hand, seen: Watch, last: Sequence[Reading]) -> dict[str, Axi
     status = {reading.element.part: reading for reading in last if reading.element.param.name == "status"}
     short = [part for part in seen.short if status[part].value not in (*NO_MOVE_STATUS, FORCE_REACHED)]
     elements = [element for element in hand.map["current"].each if element.part in short]
-    return {
-        reading.element.part or "": AxisReading(None, contact=pushes(int(reading.value or 0)))
-        for reading in (hand.read(elements) if elements else ())
-    }
+    return drawn_by_parts(hand.read(elements) if elements else ())
 
 
 NUDGE, NUDGE_SPEED, NUDGE_SECONDS = 80, 100, 3.0

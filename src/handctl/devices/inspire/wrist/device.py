@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice
-from handctl.devices.inspire.register_map import pushes, register_of
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn
+from handctl.devices.inspire.register_map import DRAWN, register_of
 from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import CheckFailed, UsageError
 from handctl.link import CanFrame
@@ -22,8 +22,9 @@ from handctl.model.result import Cell, Finding, Grid, Row, Table
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
 ARRIVED_DEGREES = 0.5
-STILL = Stillness(samples=3, seconds=0.3, refresh=0.03, short=BEGINS)
+STILL = Stillness(samples=3, seconds=0.3, refresh=0.03, short=BEGINS, pushing=DRAWN)
 ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"))
+CURRENTS = tuple(Element(WRIST[name], 0) for name in ("current_1024", "current_1026"))
 SHORT = 40
 """Characters of a remark that fit beside a value."""
 
@@ -179,6 +180,9 @@ class Wrist(RegisterDevice):
             lambda seen, _: self._evidence(targets) if seen.short else None,
             "The wrist",
             name=lambda reading: axis_of(reading.element.param.name),
+            currents=CURRENTS,
+            drawn=lambda readings: dict.fromkeys(targets, drawn(readings)),
+            targets=[Element(WRIST[f"{axis}_set"], 0) for axis in targets],
         )
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
         table, arrivals = self.moved(this, lambda: self.write(changes), prompts, wait=wait, expect=expect)
@@ -189,11 +193,10 @@ class Wrist(RegisterDevice):
 
     def _evidence(self, axes: Collection[str]) -> dict[str, AxisReading]:
         """Why axes are off their targets. Which actuator turns which axis is not documented: what one shows counts for both."""
-        named = [Element(WRIST[name], 0) for name in ("error_1", "error_2", "current_1024", "current_1026")]
-        values = [int(reading.value or 0) for reading in self.read(named)]
-        errors = [f"actuator #{n}: {WRIST['error_1'].label(bits)}" for n, bits in enumerate(values[:2], 1) if bits]
-        contact = next((text for value in values[2:] if (text := pushes(value))), "")
-        return {axis: AxisReading(None, blocked=", ".join(errors), contact=contact) for axis in axes}
+        readings = self.read([*(Element(WRIST[name], 0) for name in ("error_1", "error_2")), *CURRENTS])
+        bits = [int(reading.value or 0) for reading in readings[:2]]
+        errors = [f"actuator #{n}: {WRIST['error_1'].label(one)}" for n, one in enumerate(bits, 1) if one]
+        return dict.fromkeys(axes, drawn(readings[2:])._replace(blocked=", ".join(errors)))
 
 
 def axis_of(name: str) -> str:
