@@ -172,6 +172,8 @@ class Run(Invocation):
             if self.session is not None:
                 self.connection = self.session.connection(self, self.connection)
             self.link = link = self.connection.opened(self, baud, listening=listening)
+            if self.session is not None:
+                self.session.watch_over(self.connection, self)
             if self.writes:
                 from handctl.link.transcript import observed
 
@@ -373,7 +375,9 @@ class Run(Invocation):
             failure = other.close(failure)
         if (access := self.connection.device_access) is not None and self.family is not None and self._met(failure):
             access.remember(self.family.kind)
-        if self.session is not None and self.session.keeps(self.connection, failure, self):
+        table = self.outcome.table
+        ended = failure or (table.failure if self.stops and table is not None else None)
+        if self.session is not None and self.session.keeps(self.connection, ended, self):
             return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)
 

@@ -16,6 +16,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from handctl import interrupts
 from handctl.command.terminal_prompts import is_terminal
 from handctl.system import clock, local_socket, signals, terminal
 
@@ -50,20 +51,26 @@ class StopListener:
         if self._busy:
             self._hear()  # somebody else who wishes the same, while the device is being stopped
             return
-        self._busy = True
-        device_done = False
+        if interrupts.waits_for_stop(self._serve_all):  # of an interrupt, an error, or another link of this process
+            self._hear()
+            return
+        if self._serve_all():
+            self._after(frame)
+
+    def _serve_all(self) -> bool:
+        """Serve all that wait; whether there was one."""
+        self._busy, served = True, False
         try:
-            with signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
+            with interrupts.stopping(), signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
                 while self._serve():
-                    device_done = True
+                    served = True
         finally:
             self._busy = False
-        if device_done:
-            self._after(frame)
+        return served
 
     def _serve(self) -> bool:
         """Serve one waiting process; False if there is none."""
-        if not self._hear():
+        if not self._hear() and not self._peers:
             return False
         import json
 
