@@ -98,8 +98,8 @@ class Connection:
 
     @property
     def stopped(self) -> HandctlError | None:
-        """How the device was stopped on the wish of another process; None where it was not."""
-        return self.device_access.stopped if self.device_access is not None else None
+        """How the device was stopped on the wish of another process or thread; None where it was not."""
+        return self.device_access.how_stopped() if self.device_access is not None else None
 
     def close(self, failure: HandctlError | None, journal: Journal) -> HandctlError | None:
         """Release everything; how the device was stopped, `failure`, or what went wrong here. May be called twice."""

@@ -217,12 +217,14 @@ class LibrarySession:
 
     def again(self, key: Hashable) -> list[Row] | None:
         """Carry out the reading that `key` was bound to; None where there is none. Raises HandctlError."""
+        try:
+            call = self._bound.get(key)
+        except TypeError:  # a value that cannot be a key
+            return None
+        if call is None:  # `stop` does not wait for a turn
+            return None
         with self._turn:
-            try:
-                call = self._bound.get(key)
-            except TypeError:  # a value that cannot be a key
-                return None
-            if call is None or self._running is not None:
+            if self._running is not None:
                 return None
             self.last = call
             call.again()

@@ -178,6 +178,11 @@ class DeviceAccess:
         found: list[dict[str, Any]] = self._report["rows"] if self._report is not None else []
         return found
 
+    def how_stopped(self) -> HandctlError | None:
+        """The same as `stopped`, once a stop that another thread runs just now is over."""
+        with self._turn:
+            return self.stopped
+
     def finish(self) -> None:
         """Call before the link is closed: a stop request from now on is told that this command is ending. Waits for one in another thread."""
         with self._turn:
