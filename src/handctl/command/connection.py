@@ -374,19 +374,34 @@ class Session:
         """Stop it over the open link of its device, or where there is none, or nothing goes out any more, over a new one."""
         from handctl.model.stop_sequence import Stopped
 
-        known = next((one for one in self._open.values() if one.name == mover.link and one.link is not None), None)
+        known = self._open_at(mover.link)
         try:
-            if known is None or known.stopped is not None:
-                if known is not None:
-                    self._close(known.key, mover.run.journal)
-                known = self.connection(mover.run, Connection())
-                known.opened(mover.run, None)
+            if known is not None and known.stopped is not None:
+                self._close(known.key, mover.run.journal)
+                known = None
+            known = known or self._opened_for(mover)
         except HandctlError as exc:
             kind = NoAnswer if isinstance(exc, Interrupted) else type(exc)
             return Stopped(exc.text, joined("switch the power off if the device still moves", exc.hint), kind)
         assert known.link is not None
         stopped = mover.stop(known.link)
         return known.device_access.judged(stopped) if known.device_access is not None else stopped
+
+    def _open_at(self, name: str) -> Connection | None:
+        return next((one for one in self._open.values() if one.name == name and one.link is not None), None)
+
+    def _opened_for(self, mover: Mover) -> Connection:
+        connection = self.connection(mover.run, Connection())
+        connection.opened(mover.run, None)
+        self.watch_over(connection, mover.run)
+        return connection
+
+    def take_back(self) -> None:
+        """Open the links again on which something is in motion, behind a command that had them for itself: the death of
+        this process is to stop that, and so is who asks for it. Raises LinkError."""
+        for mover in self.in_motion:
+            if self._open_at(mover.link) is None:
+                self._opened_for(mover)
 
     def stop_all(self, run: Invocation, link: Link, sent: list[Sent], own: Callable[[], Stopped]) -> Stopped:
         """Stop what is in motion on the link of this run, and its own device by `own`: first that if it is what moves."""

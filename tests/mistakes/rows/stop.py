@@ -623,6 +623,15 @@ ROWS = (
         f"{SEVERAL}the_guard_of_a_batch_outlasts_a_line_that_uses_another_device",
     ),
     mistake(
+        "links-with-what-moves-stay-closed-behind-a-scan",
+        "stop not sent",
+        "handctl.command.command_lines",
+        "ScriptLine.run",
+        "session.take_back()",
+        "pass",
+        f"{SEVERAL}the_guard_of_a_batch_outlasts_a_line_that_uses_another_device",
+    ),
+    mistake(
         "guard-of-a-session-in-place-of-the-one-that-drives",
         "stop not sent",
         "handctl.link.deadman",
