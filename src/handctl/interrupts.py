@@ -195,11 +195,14 @@ def stopping() -> Iterator[None]:
                 _state.asked.pop(0)()
 
 
-def waits_for_stop(answer: Callable[[], object]) -> bool:
-    """Whether a stop is running: then `answer` is called once it is over."""
-    if _state.stopping:
-        _state.asked.append(answer)
+def is_stopping() -> bool:
+    """Whether a stop is running."""
     return _state.stopping > 0
+
+
+def behind_stop(answer: Callable[[], object]) -> None:
+    """`answer` is called once the stop that is running is over."""
+    _state.asked.append(answer)
 
 
 def _ring_soon() -> None:

@@ -27,7 +27,9 @@ from handctl.link import deadman, port_users
 from handctl.link.fake import FakeLink
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, StopPlan
+from handctl.stop import stop_listener
 from handctl.stop.device_access import DeviceAccess
+from handctl.stop.stop_listener import StopListener
 from handctl.system import local_socket
 from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, clean_environment, run, start
@@ -161,7 +163,9 @@ def test_a_wish_waits_until_a_stop_is_over() -> None:
     order: list[str] = []
 
     def wish(name: str) -> None:
-        if not interrupts.waits_for_stop(lambda: serve(name)):
+        if interrupts.is_stopping():
+            interrupts.behind_stop(lambda: serve(name))
+        else:
             serve(name)
 
     def serve(name: str) -> None:
@@ -179,6 +183,40 @@ def test_a_wish_waits_until_a_stop_is_over() -> None:
         order.append("the stop ends")
     signal.signal(signal.SIGINT, before)
     assert order == ["the stop ends", "first begins", "first ends", "second begins", "second ends"]
+
+
+class Waiting:
+    """A listening socket with one process that waits, and what that has heard."""
+
+    def __init__(self) -> None:
+        self.said: list[bytes] = []
+        self._waits = [SimpleNamespace(send=self.said.append, close=lambda: None)]
+
+    def accept(self) -> Any:
+        if not self._waits:
+            raise BlockingIOError
+        return self._waits.pop()
+
+
+def test_who_wishes_for_the_stop_of_another_link_is_heard_before_the_first_is_stopped() -> None:
+    """A stop may take longer than the patience of the other one, who would end this process by force then."""
+    doors, heard, ended = [Waiting(), Waiting()], list[int](), list[str]()
+
+    def answer() -> dict[str, Any]:
+        heard.append(sum(door.said == [b"heard\n"] for door in doors))
+        return {}
+
+    listeners = []
+    for door in doors:
+        one: Any = StopListener.__new__(StopListener)
+        one._answer, one._after, one._busy, one._peers, one._door = answer, ended.append, False, [], door
+        listeners.append(one)
+    interrupts.end_on_signals(suspend=False)
+    with mock.patch.object(stop_listener, "_open", listeners):
+        for one in listeners:
+            one._called("frame")
+    assert heard == [2, 1] and ended == ["frame"]
+    assert [len(door.said) for door in doors] == [2, 2], "and each has its answer"
 
 
 def test_each_listener_of_a_process_is_called_also_where_one_raises() -> None:

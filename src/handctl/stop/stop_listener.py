@@ -25,6 +25,12 @@ STOP_SECONDS = 9.0
 LARGEST = 1 << 16
 
 
+_open: list[StopListener] = []
+"""The listeners of this process: one for each link."""
+_answered = [0]
+"""How many stops they have answered with."""
+
+
 class StopListener:
     """Listens while it is open. `answer` stops the device and says how; `after` is then called with the frame."""
 
@@ -42,31 +48,40 @@ class StopListener:
         except BaseException:
             self._door.close()
             raise
+        _open.append(self)
 
     def close(self) -> None:
         """Listen no more. May be called twice."""
+        if self in _open:
+            _open.remove(self)
         self._door.close()
 
     def _called(self, frame: Any) -> None:
         if self._busy:
             self._hear()  # somebody else who wishes the same, while the device is being stopped
-            return
-        if interrupts.waits_for_stop(self._serve_all):  # of an interrupt, an error, or another link of this process
-            self._hear()
-            return
-        if self._serve_all():
-            self._after(frame)
+        elif interrupts.is_stopping():  # of an interrupt, an error, or another link of this process
+            self._hear_and_wait()
+        else:
+            before = _answered[0]
+            with interrupts.stopping():
+                for one in _open:  # who wishes for the stop of another link is heard now, and not behind this one
+                    one._hear_and_wait()
+            if _answered[0] > before:
+                self._after(frame)
 
-    def _serve_all(self) -> bool:
-        """Serve all that wait; whether there was one."""
-        self._busy, served = True, False
+    def _hear_and_wait(self) -> None:
+        if self._hear():
+            interrupts.behind_stop(self._serve_all)
+
+    def _serve_all(self) -> None:
+        """Serve all that wait."""
+        self._busy = True
         try:
             with interrupts.stopping(), signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
                 while self._serve():
-                    served = True
+                    _answered[0] += 1
         finally:
             self._busy = False
-        return served
 
     def _serve(self) -> bool:
         """Serve one waiting process; False if there is none."""
