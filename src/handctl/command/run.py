@@ -349,7 +349,8 @@ class Run(Invocation):
 
     def remember(self, failure: HandctlError | None) -> None:
         """Add what was written to the history, once, now that the device has been served. Never raises."""
-        if not self.remembered and (self.journal.ledger.began or self.stopped is not None):
+        stopped = self.stopped  # waits for a stop in another thread, which remembers it, too
+        if not self.remembered and (self.journal.ledger.began or stopped is not None):
             self.remembered = True
             from handctl.command import write_history
 
