@@ -599,7 +599,7 @@ ROWS = (
         "killed unasked",
         "handctl.stop.stop_listener",
         "StopListener._called",
-        "for one in list(_open):",
+        "for one in _open:  # who wishes for the stop of another link is heard now, and not behind this one",
         "for one in (self,):",
         f"{SEVERAL}who_wishes_for_the_stop_of_another_link_is_heard_before_the_first_is_stopped",
     ),
