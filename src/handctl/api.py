@@ -231,12 +231,19 @@ class Device:
         return self
 
     def __exit__(self, *error: object) -> None:
+        """Close the link. Where an error or Ctrl-C ends the `with`, what calls have left moving is stopped first.
+
+        Raises what went wrong; behind an error only that a stop was not acknowledged.
+        """
+        early = any(isinstance(one, Exception | KeyboardInterrupt) for one in error)
+        moving = self._line.stop_moving() if early else None
         failure = self._line.close()
-        if failure is not None and error[0] is None:
+        failure = moving or (failure if error[0] is None else None)
+        if failure is not None:
             raise error_in_python(failure, self.kind)
 
     def disconnect(self) -> None:
-        """Close the link. A `with` does so at its end. Raises LinkError."""
+        """Close the link, and stop nothing. A `with` does so at its end. Raises LinkError."""
         self.__exit__(None)
 
     @property
@@ -322,7 +329,7 @@ def _opened(family: str, link: str, settings: Mapping[str, Any]) -> Device:
             raise UsageError(f"{name} = {value!r} is not a valid value", hint=f"use one of {', '.join(allowed)}")
     known_family: Family = load(family, "cli").cli.family
     chosen = Settings(kind=family, port=link, format="json", quiet=True, time=True).having(settings)
-    line = LibrarySession(known_family, chosen, Session("library", writes=True))
+    line = LibrarySession(known_family, chosen, Session("library", writes=True, guards=True))
     try:
         line.open()
     except BaseException:

@@ -45,6 +45,10 @@ class _State:
         """Descriptor that a piece of the result is just being handed to, -1 where that cannot take long."""
         self.kept = False
         """An interrupt came meanwhile."""
+        self.stopping = 0
+        """Stops that are running, one within the other."""
+        self.asked: list[Callable[[], object]] = []
+        """What answers those who wished for a stop meanwhile."""
         self.thread = get_ident()
         """The thread that handles interrupts."""
         self.results: set[int] = set()
@@ -170,6 +174,35 @@ def on_interrupt(handler: Handler) -> Iterator[None]:
         yield
     finally:
         signals.give_back(before)
+
+
+@contextlib.contextmanager
+def stopping() -> Iterator[None]:
+    """Around a stop: the wish of another process for one waits until it is over, and does not break it off.
+
+    Other threads than that of the command hear of no wish.
+    """
+    if get_ident() != _state.thread:
+        yield
+        return
+    _state.stopping += 1
+    try:
+        yield
+    finally:
+        _state.stopping -= 1
+        if not _state.stopping and _state.asked:
+            with stopping():
+                _state.asked.pop(0)()
+
+
+def is_stopping() -> bool:
+    """Whether a stop is running."""
+    return _state.stopping > 0
+
+
+def behind_stop(answer: Callable[[], object]) -> None:
+    """`answer` is called once the stop that is running is over."""
+    _state.asked.append(answer)
 
 
 def _ring_soon() -> None:

@@ -30,7 +30,7 @@ from handctl.link import CanFrame, NoLink, RawAccess, can, deadman, open_link, s
 from handctl.link.deadman import LARGEST, EarlyWrite, _pack, _unpack, guard_link, stop_in_child
 from handctl.link.device_lock import InUse, hold
 from handctl.model.command_settings import Settings
-from handctl.model.stop_sequence import StopContext, StopPlan, stop_sequence_of
+from handctl.model.stop_sequence import StopContext, StopPlan
 from handctl.system import deadman_process
 from tests.support.cli import PATIENCE, wait_until
 from tests.support.each_row import each_row
@@ -449,7 +449,7 @@ def test_a_job_is_the_same_in_another_process() -> None:
     for way, power in product(ways, (False, True)):
         assert way is not None
         way.before, way.note_unfinished = (lambda: None), (lambda _rest: None)  # of a guard, which stays here
-        plan = StopPlan(partial(stop_sequence_of, "wrist"), context._replace(powered=power))
+        plan = StopPlan("wrist", context._replace(powered=power))
         job = deadman_process.Job(
             7, (), partial(deadman._stop_and_close, way, plan), deadman_process.message(b"text", 0.5), 3.0
         )
@@ -458,7 +458,7 @@ def test_a_job_is_the_same_in_another_process() -> None:
         assert (gone.descriptor, gone.baud) == (way.descriptor, way.baud)
         assert gone.encode(frame.data, frame.can_id) == way.encode(frame.data, frame.can_id)
         assert (gone.decode is None) == (way.decode is None)
-        assert told._context == plan._context and next(told._sequence(told._context)).step.data[2] == 9
+        assert told.context == plan.context and next(told.sequence()).step.data[2] == 9
         assert (there.first, there.bound) == (job.first, job.bound)
 
 

@@ -139,5 +139,5 @@ def test_a_second_connection_to_one_server_is_found_by_its_socket(
         (tmp_path / "proc" / "net").mkdir()
         (tmp_path / "proc" / "net" / "tcp").write_text("\n".join(["head", *lines]) + "\n")
         monkeypatch.setattr("handctl.link.port_users.ROOT", tmp_path)
-        link = SimpleNamespace(raw_access=lambda: SimpleNamespace(descriptor=ours.fileno()))
+        link = SimpleNamespace(raw_access=lambda: SimpleNamespace(descriptor=ours.fileno()), guard=None)
         assert [one.pid for one in rivals(link).names] == [4000001]  # type: ignore[arg-type]

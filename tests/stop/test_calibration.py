@@ -55,7 +55,12 @@ class Asking(Prompts):
 
     def __init__(self, hand: Hand) -> None:
         run: Any = SimpleNamespace(
-            prompts=self, settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="exo")
+            prompts=self,
+            settings=Settings(),
+            writes=False,
+            opened=None,
+            family=SimpleNamespace(kind="exo"),
+            session=None,
         )
         self.access = DeviceAccess(run, None)
         self.access.link = hand.link

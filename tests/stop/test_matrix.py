@@ -138,7 +138,7 @@ def by_holder(device: Any, far: Far) -> Stopped:
     journal.counters.writes = 1
     run = SimpleNamespace(
         family=SimpleNamespace(kind=device.kind), opened=device, journal=journal, ledger=journal.ledger, writes=False,
-        settings=Settings(), prompts=Prompts(), shows=False, stops=False, place="",
+        settings=Settings(), prompts=Prompts(), shows=False, stops=False, place="", session=None,
     )  # fmt: skip
     hold = DeviceAccess(run, None)  # type: ignore[arg-type]
     hold.around(far)

@@ -76,8 +76,12 @@ class ScriptLine(NamedTuple):
             run = Run(self.context, self.settings, self.leaf.family, session=session)
         else:
             run.again()
-        with run.shown():
-            run.carry_out(self.leaf.body(run))
+        try:
+            with run.shown():
+                run.carry_out(self.leaf.body(run))
+        finally:
+            if not self.shared:
+                session.take_back()
         if self.leaf.only_reads and not run.settings.output:  # the same line again asks the same
             told.run = run
 

@@ -1,4 +1,8 @@
-"""An open link with its lock, its trace and the saved state of a simulated device, for one command or a session of several."""
+"""An open link with its lock, its trace and the saved state of a simulated device, for one command or a session of several.
+
+A session keeps the list of what its commands have set in motion and left (`Mover`): all of that is stopped, whichever
+device a later command uses.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,8 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.errors import HandctlError, Hint, Interrupted, LinkError, UsageError
+from handctl.errors import HandctlError, Hint, Interrupted, LinkError, NoAnswer, UsageError, joined
+from handctl.fast_classes import NamedTuple
 from handctl.link import open_link
 from handctl.system import clock
 
@@ -19,7 +24,7 @@ if TYPE_CHECKING:
     from handctl.link.transcript import TraceFile
     from handctl.model.prompts import Prompts
     from handctl.model.result import Journal, LineQuality
-    from handctl.model.stop_sequence import Stopped
+    from handctl.model.stop_sequence import Sent, Stopped, StopPlan
     from handctl.stop.device_access import DeviceAccess
 
 
@@ -93,8 +98,8 @@ class Connection:
 
     @property
     def stopped(self) -> HandctlError | None:
-        """How the device was stopped on the wish of another process; None where it was not."""
-        return self.device_access.stopped if self.device_access is not None else None
+        """How the device was stopped on the wish of another process or thread; None where it was not."""
+        return self.device_access.how_stopped() if self.device_access is not None else None
 
     def close(self, failure: HandctlError | None, journal: Journal) -> HandctlError | None:
         """Release everything; how the device was stopped, `failure`, or what went wrong here. May be called twice."""
@@ -153,10 +158,6 @@ class Connection:
         return link
 
 
-def _judged(access: DeviceAccess, stop: Callable[[], Stopped]) -> Stopped:
-    return access.judged(stop())
-
-
 def refuse_rivals(run: Invocation, link: Link) -> None:
     """Raise LinkError if the system shows another program that could command the device at the same time."""
     from handctl.link.port_users import busy, rivals
@@ -171,16 +172,74 @@ def refuse_rivals(run: Invocation, link: Link) -> None:
         )
 
 
+def _device(run: Invocation) -> tuple[str, int]:
+    """Family and id of the device of this run, as a `StopPlan` has them."""
+    assert run.family is not None
+    number = run.settings.id if run.opened is None else run.opened.stop_context().number
+    return run.family.kind, 1 if number is None else number
+
+
+def _named(run: Invocation, kind: str, number: int) -> str:
+    assert run.family is not None
+    return f"{kind} id {number}" if run.family.ids else kind
+
+
+def _plan(run: Invocation) -> StopPlan:
+    """How the device of this run is stopped."""
+    from handctl.model.stop_sequence import StopPlan
+
+    return StopPlan(run.opened.kind, run.opened.stop_context())
+
+
 # -- many commands on open links ------------------------------------------------------------------------------------
+
+
+class Mover(NamedTuple):
+    """A device that a command has set in motion and left.
+
+    run   that command: its record takes the stop
+    link  the LINK
+    plan  how it is stopped, whoever uses the link by then
+    """
+
+    run: Invocation
+    link: str
+    plan: StopPlan
+
+    @property
+    def name(self) -> str:
+        """Family and id, for messages."""
+        return _named(self.run, *self.plan.device)
+
+    def stop(self, link: Link, sent: list[Sent] | None = None) -> Stopped:
+        """Stop it over its link, as that is now. Never raises."""
+        from handctl.link.transcript import observed
+        from handctl.model.stop_sequence import Stopped, run_stop
+
+        ledger, observers = self.run.ledger, link.observers
+        link.observers = tuple(one for one in observers if not isinstance(one, type(ledger)))  # of another command
+        speed, before = self.plan.context.speed, getattr(link, "baud", None)
+        try:
+            if speed is not None and speed != before:
+                link.set_baud(speed)  # type: ignore[attr-defined]  # a speed is that of a byte link
+            observed(link, ledger)
+            return run_stop(link, self.plan.sequence(), sent, ledger if ledger.words is not None else None)
+        except HandctlError as exc:
+            return Stopped(exc.text, exc.hint, type(exc))
+        finally:
+            link.observers = observers
+            if speed is not None and speed != before:
+                link.set_baud(before)  # type: ignore[attr-defined]
 
 
 class Session:
     """The open links of several commands.
 
-    command  in whose name they are locked
-    writes   whether any of the commands may write
-    began    when all of them were asked for, by `clock.now`; None where each is for itself
-    guards   from the first command that sets something going, the death of this process stops the device
+    command    in whose name they are locked
+    writes     whether any of the commands may write
+    began      when all of them were asked for, by `clock.now`; None where each is for itself
+    guards     from the first command that sets something going, the death of this process stops it
+    in_motion  what commands have set in motion and left, until a stop of it was acknowledged
     """
 
     def __init__(self, command: str, *, writes: bool, began: float | None = None, guards: bool = False) -> None:
@@ -191,9 +250,8 @@ class Session:
         self.place: dict[str, Any] = {}
         """What the last line of a command's NDJSON says of its place among the others."""
         self._open: dict[Hashable, Connection] = {}  # by `_key`
-        self._moving: dict[str, tuple[Invocation, Callable[[], Stopped]]] = {}
-        """LINK -> the command that has set something going there and left it, and how that is stopped."""
-        self._guards: dict[Hashable, ExitStack] = {}  # by `_key`
+        self.in_motion: list[Mover] = []
+        self._guards: dict[Hashable, tuple[ExitStack, set[object]]] = {}  # by `_key`, with the devices that are guarded
         self._lines: dict[Hashable, LineQuality] = {}
         self._traces: dict[str | None, Trace] = {}
 
@@ -223,71 +281,144 @@ class Session:
         if known.device_access is not None:
             known.device_access.serve(run)
         if self.guards:
-            run.journal.set_going = partial(self._guard, key, run)
+            run.journal.set_going = partial(self._guard, known, run)
         return known
 
-    def _guard(self, key: Hashable, run: Invocation) -> None:
+    def watch_over(self, connection: Connection, run: Invocation) -> None:
+        """The death of this process stops what is in motion on a link that was opened again for this run, too. Raises LinkError."""
+        if self.guards and connection.key not in self._guards:
+            for mover in self._moving_on(connection.name):
+                self._guard_with(connection, mover.plan, run.journal)
+
+    def _guard(self, connection: Connection, run: Invocation) -> None:
         """From now on the death of this process stops the device of this run. Raises LinkError."""
-        if key not in self._guards and run.opened is not None:
-            stack = ExitStack()
-            stack.enter_context(run.opened.guarded())
-            self._guards[key] = stack
+        if run.opened is not None:
+            self._guard_with(connection, _plan(run), run.journal)
+
+    def _guard_with(self, connection: Connection, plan: StopPlan, journal: Journal) -> None:
+        from handctl.link.deadman import guard_link
+
+        stack, devices = self._guards.setdefault(connection.key, (ExitStack(), set()))
+        if connection.link is not None and plan.device not in devices:
+            stack.enter_context(guard_link(connection.link, plan, journal.warn, beneath=True))
+            devices.add(plan.device)
 
     def _unguard(self, key: Hashable) -> None:
         if key in self._guards:
-            self._guards.pop(key).close()
+            self._guards.pop(key)[0].close()
 
     @staticmethod
     def _key(run: Invocation) -> Hashable:
-        """What must be equal for a link to serve two commands."""
-        assert run.family is not None
-        settings = run.settings
-        in_use = settings.fake and run.in_use
-        return run.family.kind, run.link_name(), settings.baud, settings.trace, settings.verbose, in_use
+        """What must be equal for a link to serve two commands, of whatever family: it need not be closed while something moves."""
+        family, settings = run.family, run.settings
+        assert family is not None
+        speed, in_use = settings.baud or family.baud, settings.fake and run.in_use
+        return run.link_name(), speed, family.tcp_port, settings.trace, settings.verbose, in_use
 
     def keeps(self, connection: Connection, failure: HandctlError | None, run: Invocation) -> bool:
         """Whether the connection of a run is one of these: it stays open, unless it was lost or the device stopped."""
         if self._open.get(connection.key) is not connection:
             return False
         stopped, link = connection.stopped is not None, connection.link
-        self._note_movement(connection, run, stopped, failure)
+        self._note_movement(connection, run, failure)
         if link is None or isinstance(failure, LinkError) or stopped:
             self._close(connection.key, run.journal)
         else:
             link.observers = connection.observers
         return True
 
-    def _note_movement(
-        self, connection: Connection, run: Invocation, stopped: bool, failure: HandctlError | None
-    ) -> None:
+    def _note_movement(self, connection: Connection, run: Invocation, failure: HandctlError | None) -> None:
         """Remember what the command leaves moving, or that it was stopped."""
-        stop, name = run.journal.still_moving(), connection.name
-        interrupted = stop is not None and isinstance(failure, Interrupted)
-        if stopped or interrupted or (run.stops and failure is None):
-            self._moving.pop(name, None)
-            self._unguard(connection.key)
-        elif stop is not None:
-            self._moving[name] = run, stop
+        moving = run.opened is not None and run.journal.still_moving() is not None
+        if (moving and isinstance(connection.stopped or failure, Interrupted)) or (run.stops and failure is None):
+            self._forget(connection.name, _device(run))
+        elif moving:
+            self._forget(connection.name, _device(run), guarded=True)
+            self.in_motion.append(Mover(run, connection.name, _plan(run)))
 
-    @property
-    def moves(self) -> bool:
-        """Whether a command has set something going and left it."""
-        return bool(self._moving)
+    def _moving_on(self, name: str) -> list[Mover]:
+        return [mover for mover in self.in_motion if mover.link == name]
+
+    def _forget(self, name: str, device: object, *, guarded: bool = False) -> None:
+        """This device on the LINK `name` was stopped, or is told of anew and stays `guarded`."""
+        self.in_motion[:] = [mover for mover in self.in_motion if (mover.link, mover.plan.device) != (name, device)]
+        if not guarded and not self._moving_on(name):
+            for key in [key for key, one in self._open.items() if one.name == name]:
+                self._unguard(key)
 
     def stop_moving(self, prompts: Prompts) -> list[HandctlError]:
         """Stop what commands have set going and left, as Ctrl-C stops the movement of one; how each of these stops ended."""
         from handctl.command import write_history
-        from handctl.model.stop_on_interrupt import stop_without_interrupts
+        from handctl.model.stop_on_interrupt import INTERRUPTED_AGAIN, interrupt_error
 
-        moving, self._moving = self._moving, {}
         ended = []
-        for name, (run, stop) in moving.items():
-            before = len(run.ledger.rows())
-            access = next((one.device_access for one in self._open.values() if one.name == name), None)
-            judged = stop if access is None else partial(_judged, access, stop)
-            ended.append(stop_without_interrupts(judged, prompts, f"{name}: "))
-            write_history.keep(run, run.ledger.rows()[before:], [], ended[-1])
+        moving = list(self.in_motion)
+        with prompts.stopping():
+            prompts.done()
+            for mover in moving:
+                before = len(mover.run.ledger.rows())
+                several = sum(other.link == mover.link for other in moving) > 1
+                try:
+                    stopped = self._stop(mover)
+                except KeyboardInterrupt:
+                    stopped = INTERRUPTED_AGAIN
+                ended.append(
+                    interrupt_error(stopped, f"{mover.link}: {mover.name}: " if several else f"{mover.link}: ")
+                )
+                if stopped.error is None:
+                    self._forget(mover.link, mover.plan.device)
+                write_history.keep(mover.run, mover.run.ledger.rows()[before:], [], ended[-1])
         return ended
+
+    def _stop(self, mover: Mover) -> Stopped:
+        """Stop it over the open link of its device, or where there is none, or nothing goes out any more, over a new one."""
+        from handctl.model.stop_sequence import Stopped
+
+        known = self._open_at(mover.link)
+        try:
+            if known is not None and known.stopped is not None:
+                self._close(known.key, mover.run.journal)
+                known = None
+            known = known or self._opened_for(mover)
+        except HandctlError as exc:
+            kind = NoAnswer if isinstance(exc, Interrupted) else type(exc)
+            return Stopped(exc.text, joined("switch the power off if the device still moves", exc.hint), kind)
+        assert known.link is not None
+        stopped = mover.stop(known.link)
+        return known.device_access.judged(stopped) if known.device_access is not None else stopped
+
+    def _open_at(self, name: str) -> Connection | None:
+        return next((one for one in self._open.values() if one.name == name and one.link is not None), None)
+
+    def _opened_for(self, mover: Mover) -> Connection:
+        connection = self.connection(mover.run, Connection())
+        connection.opened(mover.run, None)
+        self.watch_over(connection, mover.run)
+        return connection
+
+    def take_back(self) -> None:
+        """Open the links again on which something is in motion, behind a command that had them for itself: the death of
+        this process is to stop that, and so is who asks for it. Raises LinkError."""
+        for mover in self.in_motion:
+            if self._open_at(mover.link) is None:
+                self._opened_for(mover)
+
+    def stop_all(self, run: Invocation, link: Link, sent: list[Sent], own: Callable[[], Stopped]) -> Stopped:
+        """Stop what is in motion on the link of this run, and its own device by `own`: first that if it is what moves."""
+        name, device = run.link_name(), _device(run)
+        others = [mover for mover in self._moving_on(name) if mover.plan.device != device]
+        stops: list[tuple[object, str, Callable[[], Stopped]]] = [
+            (mover.plan.device, mover.name, partial(mover.stop, link, sent)) for mover in others
+        ]
+        stops.insert(0 if run.journal.drives else len(stops), (device, _named(run, *device), own))
+        ended = []
+        for which, called, stop in stops:
+            stopped = stop()
+            if stopped.error is None:
+                self._forget(name, which, guarded=True)
+            ended.append(stopped._replace(text=f"{called}: {stopped.text}") if others else stopped)
+        worst = next((one for one in ended if one.error is not None), ended[-1])
+        return worst._replace(text=joined(*(one.text for one in ended)))
 
     def stopped(self, journal: Journal) -> HandctlError | None:
         """How another process has stopped a device since the last command; its link is closed. None where none has."""

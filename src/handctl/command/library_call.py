@@ -6,7 +6,9 @@ command, and is raised again.
 
 from __future__ import annotations
 
+import atexit
 import io
+import os
 import threading
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -22,6 +24,7 @@ from handctl.command.run import Run, plan_table
 from handctl.errors import STOPPED, HandctlError, Interrupted, UsageError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, Row
+from handctl.model.stop_on_interrupt import NOT_STOPPED, ended_by_interrupt
 
 if TYPE_CHECKING:
     from handctl.command.connection import Session
@@ -47,7 +50,16 @@ class Caller(Prompts):
         self.interactive = callable(confirm)
 
     def confirm(self, question: str, word: str, steps: Sequence[Step], changes: Changes | None) -> bool:
-        return callable(self._confirm) and self._confirm(told(question, changes), plan_table(steps).rows)
+        if not callable(self._confirm):
+            return False
+        answer = self._confirm(told(question, changes), plan_table(steps).rows)
+        if not isinstance(answer, bool):  # "n" counts as true in Python
+            raise UsageError(
+                f"the function given as confirm returned {answer!r}, which is neither True nor False",
+                hint="return True or False. Nothing was sent.",
+                code="confirm-answer",
+            )
+        return answer
 
     @contextmanager
     def without_interrupts(self) -> Iterator[None]:
@@ -113,7 +125,10 @@ class Call(Run):
 
 
 class LibrarySession:
-    """One device with many calls: its session and the settings of its link."""
+    """One device with many calls: its session and the settings of its link.
+
+    What calls have left moving is stopped when Ctrl-C ends another call, or when the program ends with the link open.
+    """
 
     def __init__(self, family: Family, settings: Settings, session: Session) -> None:
         self.family = family
@@ -135,23 +150,89 @@ class LibrarySession:
         call.finished(body)
 
     def close(self) -> HandctlError | None:
-        """Close the link; what went wrong."""
+        """Close the link, and stop nothing; what went wrong."""
         with self._turn:
             self._end_stream()
+            atexit.unregister(self._ended)
             return self.session.close(self.last.journal if self.last is not None else Journal())
+
+    def stop_moving(self) -> HandctlError | None:
+        """Stop what calls have set in motion, also one in another thread; the first of these stops that was not acknowledged."""
+        failure = None
+        try:
+            self._stop_running()
+        except HandctlError as exc:
+            failure = exc
+        with self._turn:
+            self._end_stream()
+            ended = self.session.stop_moving(Caller(False))
+        return next((stop for stop in ended if stop.code == NOT_STOPPED), failure)
+
+    def _ended(self, pid: int) -> None:
+        """The program ends, and has not closed the link. A fork of it leaves the device to it."""
+        if pid == os.getpid():
+            failure = self.stop_moving()
+            self.close()
+            if failure is not None:
+                raise failure
+
+    @contextmanager
+    def _watched(self) -> Iterator[None]:
+        """Around a call that may set something in motion."""
+        try:
+            yield
+        except (KeyboardInterrupt, HandctlError) as exc:
+            self._interrupted(exc)
+            raise
+        finally:
+            link = self.last.link if self.last is not None else None
+            if self.session.in_motion and link is not None and not link.fake:
+                atexit.unregister(self._ended)
+                atexit.register(self._ended, os.getpid())
+
+    def _interrupted(self, error: BaseException) -> None:
+        """Where Ctrl-C has ended a call, and stopped what that drives: stop what earlier calls have left moving, too."""
+        ours = isinstance(error, HandctlError) and (not ended_by_interrupt(error) or error.code == STOPPED)
+        if not ours and (failure := self.stop_moving()) is not None:
+            raise failure from error
+
+    def _stop_running(self) -> list[Row] | None:
+        """Stop the device under a call that another thread is in, which ends by that: what was sent. None where there is none.
+
+        Raises how that stop failed.
+        """
+        if self._turn.acquire(blocking=False):
+            try:
+                if not getattr(self._running, "gi_running", False):
+                    return None
+            finally:
+                self._turn.release()
+        access = self.last.connection.device_access if self.last is not None else None
+        stopped = access.stop_from_outside("stopped by another thread of this program") if access is not None else None
+        if access is None or stopped is None:  # no link is open yet
+            return None
+        if stopped.code != STOPPED:
+            raise stopped
+        return access.sent
 
     def again(self, key: Hashable) -> list[Row] | None:
         """Carry out the reading that `key` was bound to; None where there is none. Raises HandctlError."""
+        try:
+            call = self._bound.get(key)
+        except TypeError:  # a value that cannot be a key
+            return None
+        if call is None:  # `stop` does not wait for a turn
+            return None
         with self._turn:
-            try:
-                call = self._bound.get(key)
-            except TypeError:  # a value that cannot be a key
-                return None
-            if call is None or self._running is not None:
+            if self._running is not None:
                 return None
             self.last = call
             call.again()
-            return call.finished(call.body)
+            try:
+                return call.finished(call.body)
+            except (KeyboardInterrupt, HandctlError) as exc:
+                self._interrupted(exc)
+                raise
 
     def call(
         self,
@@ -167,7 +248,9 @@ class LibrarySession:
 
         A reading with a `key` that goes well is bound to that.
         """
-        with self._turn:
+        if command.stops and not dry_run and (sent := self._stop_running()) is not None:
+            return sent
+        with self._turn, self._watched():
             if command.stops:
                 self._end_stream()
             self._check_free()
@@ -231,7 +314,8 @@ class LibrarySession:
             self._check_free()
             self._running = samples = call.samples()
         try:
-            yield from samples
+            with self._watched():
+                yield from samples
         finally:
             if self._running is samples:
                 self._running = None

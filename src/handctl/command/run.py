@@ -264,6 +264,8 @@ class Run(Invocation):
             if self.session is not None:
                 self.connection = self.session.connection(self, self.connection)
             self.link = link = self.connection.opened(self, baud, listening=listening)
+            if self.session is not None:
+                self.session.watch_over(self.connection, self)
             if self.writes:
                 from handctl.link.transcript import observed
 
@@ -440,7 +442,8 @@ class Run(Invocation):
 
     def remember(self, failure: HandctlError | None) -> None:
         """Add what was written to the history, once, now that the device has been served. Never raises."""
-        if not self.remembered and (self.journal.ledger.began or self.stopped is not None):
+        stopped = self.stopped  # waits for a stop in another thread, which remembers it, too
+        if not self.remembered and (self.journal.ledger.began or stopped is not None):
             self.remembered = True
             from handctl.command import write_history
 
@@ -466,7 +469,9 @@ class Run(Invocation):
             failure = other.close(failure)
         if (access := self.connection.device_access) is not None and self.family is not None and self._met(failure):
             access.remember(self)
-        if self.session is not None and self.session.keeps(self.connection, failure, self):
+        table = self.outcome.table
+        ended = failure or (table.failure if self.stops and table is not None else None)
+        if self.session is not None and self.session.keeps(self.connection, ended, self):
             return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)
 

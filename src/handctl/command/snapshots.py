@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -267,9 +267,11 @@ def restore(
 
         after: dict[str, Number | None] = {}
         failure: HandctlError | None = None
+        acts = any(element.param.acts for element, _ in differing)
         try:
-            for group in _groups(differing):
-                after |= {reading.element.full_name: reading.value for reading in device.write(group)}
+            with device.guarded() if acts else nullcontext():
+                for group in _groups(differing):
+                    after |= {reading.element.full_name: reading.value for reading in device.write(group)}
         except DeviceRefused as exc:  # only a write shows what can be read here and not set
             exc.hint = joined(exc.hint, "--skip NAME leaves a setting of the snapshot out")
             raise

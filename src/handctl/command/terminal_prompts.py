@@ -103,6 +103,11 @@ class TerminalPrompts(Prompts):
             yield
 
     @contextmanager
+    def stopping(self) -> Iterator[None]:
+        with self.without_interrupts(), interrupts.stopping():
+            yield
+
+    @contextmanager
     def stop_if_slow(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
         import threading
 

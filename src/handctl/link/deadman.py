@@ -16,7 +16,7 @@ where no interpreter can be found or no file be read, and it shares its memory w
 dangerous is avoided: only the forking thread lives on in the child, so the child takes no lock, imports nothing and
 starts nothing until it ends by `_exit`. It keeps the link, its pipes, and the lock of the device: nobody is let in before
 the stop is out. It is in a session and under a name of its own, ignores every signal that can be ignored, and once it acts
-it has three seconds.
+it has three seconds for each device.
 
 Windows has no fork. There the child is a program of its own, which inherits the handle of the port or connection and is sent
 its job: `stop` must be picklable. What a driver did not take of a frame is lost there; the stop is repeated anyway.
@@ -40,7 +40,7 @@ from handctl.system import clock, deadman_process, descriptors
 from handctl.system.deadman_process import DeadmanChild, Job
 
 BOUND_SECONDS = 3.0
-"""How long the child may take once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
+"""How long the child may take for each device once it acts: a link that takes no bytes keeps it, and the lock, no longer."""
 LARGEST = 4096
 """A message of this size or less goes through a pipe whole or not at all (POSIX: at least 512, Linux 4096)."""
 
@@ -56,11 +56,13 @@ class EarlyWrite(NamedTuple):
 
 
 @contextmanager
-def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0) -> Iterator[Guard]:
+def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0, beneath: bool = False) -> Iterator[Guard]:
     """Around code that moves a device: guard it with a child process. `warn` is called if the link cannot be guarded.
 
     A simulator in this process and a transcript need no guard: nothing outlives this process. Raises LinkError when no
-    child can be started: then nothing must be driven. Within another guard of the link it takes its place: one child stops.
+    child can be started: then nothing must be driven. Within another guard of the link it takes its place: one child stops
+    the device of this one, then the others that are guarded there. With `beneath` it is of no use as long as the other one
+    guards the same device, and takes over from that.
     """
     inside = link.fake or link.replayed
     raw_access = None if inside or not deadman_process.can_be() else link.raw_access()
@@ -70,37 +72,72 @@ def guard_link(link: Link, stop: Stop, warn: Warn, *, heartbeat: float = 0.0) ->
             f"{link.name}: no second process watches this link, so if handctl is killed nothing stops the device",
             "keep its power switch within reach",
         )
-    guard, outer = Guard(raw_access, stop, warn, link.held, heartbeat), link.guard
+    guard, top = Guard(raw_access, stop, warn, link.held, heartbeat), link.guard
     try:
-        if outer is not None:
-            outer.disarm()
-        guard.arm()
-        link.guard = guard
+        if beneath and top is not None and top.guards(stop):
+            guard.outer, top.outer = top.outer, guard
+        else:
+            guard.outer = top
+            if top is not None:
+                top.disarm()
+            guard.arm()
+            link.guard = guard
         yield guard
     finally:
         guard.disarm()
-        link.guard = outer
-        if outer is not None:
-            outer.arm()
+        if link.guard is guard or link.guard is top is guard.outer:  # it is the one that guards, or could not be armed
+            link.guard = guard.outer
+            if guard.outer is not None:
+                guard.outer.arm()
+        elif link.guard is not None:
+            link.guard.leave_out(guard)
 
 
 class Guard:
-    """The child of one link; without an `raw_access` nothing is guarded. `held` are descriptors that it keeps open, too."""
+    """The child of one link; without an `raw_access` nothing is guarded. `held` are descriptors that it keeps open, too.
+
+    outer   the guard that it takes the place of, None = there is none
+    """
 
     def __init__(
         self, raw_access: RawAccess | None, stop: Stop, warn: Warn, held: Sequence[int] = (), heartbeat: float = 0.0
     ) -> None:
-        self._raw_access, self._stop, self._warn, self._held, self._heartbeat = (
-            raw_access,
-            stop,
-            warn,
-            tuple(held),
-            heartbeat,
-        )
+        self.outer: Guard | None = None
+        self._stop = stop
+        self._raw_access, self._warn, self._held, self._heartbeat = raw_access, warn, tuple(held), heartbeat
         self._child: DeadmanChild | None = None
         self._unsent = b""
         self._first: Sequence[EarlyWrite] = ()
         self._told = 0.0
+
+    @property
+    def pid(self) -> int | None:
+        """The number of its process; None where there is none just now."""
+        return self._child.pid if self._child is not None else None
+
+    @property
+    def stops(self) -> list[Stop]:
+        """What the child does: one stop for each device, first its own, then those of the outer guards."""
+        found: list[Stop] = [self._stop]
+        if self.outer is not None:
+            known = _device(self._stop)
+            found += [stop for stop in self.outer.stops if _device(stop) != known]
+        return found
+
+    def guards(self, stop: Stop) -> bool:
+        """Whether it stops the device that `stop` does."""
+        return any(_device(one) == _device(stop) for one in self.stops)
+
+    def leave_out(self, guard: Guard) -> None:
+        """This outer one has ended."""
+        if self.outer is guard:
+            self.outer = guard.outer
+        elif self.outer is not None:
+            self.outer.leave_out(guard)
+
+    @property
+    def _bound(self) -> float:
+        return BOUND_SECONDS * len(self.stops)
 
     def arm(self) -> None:
         """Start the child. Raises LinkError."""
@@ -140,7 +177,7 @@ class Guard:
         state = deadman_process.state(self._child)
         if state == "acts":
             child_process, self._child = self._child, None
-            deadman_process.finished(child_process, BOUND_SECONDS)
+            deadman_process.finished(child_process, self._bound)
             deadman_process.ended(child_process)
             text = f"this command hung for more than {self._heartbeat:g} s, so the device was stopped"
             self._warn("stood-still", text, "")
@@ -167,12 +204,12 @@ class Guard:
         """Fork and wait until the child is ready, with signals blocked so that no child is lost."""
         raw_access = self._raw_access
         assert raw_access is not None
-        act = partial(_stop_and_close, raw_access, self._stop)
+        act = partial(_stop_and_close, raw_access, partial(_stop_each, self.stops))
         self._told = clock.now()
         with deadman_process.unsignalled():
             try:
                 self._child = deadman_process.started(
-                    Job(raw_access.descriptor, self._held, act, self._message(), BOUND_SECONDS)
+                    Job(raw_access.descriptor, self._held, act, self._message(), self._bound)
                 )
             except OSError as exc:
                 raise _cannot(exc.strerror or str(exc)) from exc
@@ -183,6 +220,11 @@ class Guard:
         child_process, self._child = self._child, None
         if child_process is not None:
             deadman_process.ended(child_process)
+
+
+def _device(stop: Stop) -> object:
+    """Which device of its link it stops, as a `StopPlan` says."""
+    return getattr(stop, "device", None)
 
 
 def _cannot(why: str) -> LinkError:
@@ -201,6 +243,12 @@ def _stop_and_close(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
         stop_in_child(raw_access, stop, message)
     with suppress(OSError):
         descriptors.close(raw_access.descriptor)  # before the lock: who gets that next must find the port free
+
+
+def _stop_each(stops: Sequence[Stop], link: Link) -> None:
+    for stop in stops:
+        with suppress(Exception):
+            stop(link)
 
 
 def stop_in_child(raw_access: RawAccess, stop: Stop, message: bytes) -> None:

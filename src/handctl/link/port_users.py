@@ -156,7 +156,8 @@ def rivals(link: Link) -> OtherUsers:
     if raw_access is None:
         return OtherUsers([])
     if port := name_of(raw_access.descriptor):
-        names = holders(port)
+        guard = link.guard.pid if link.guard is not None else None
+        names = [one for one in holders(port) if one.pid != guard]
         return OtherUsers(names, not names and any(_descriptors(pid, ROOT) is None for pid in _pids(ROOT)))
     return OtherUsers(_connected(raw_access.descriptor) if IN_SYS else [])
 

@@ -366,8 +366,7 @@ class Device(ABC):
         """
         from handctl.link.deadman import guard_link
 
-        context = self.stop_context()._replace(powered=powered)
-        stop = StopPlan(sequence or partial(stop_sequence_of, self.kind), context)
+        stop = StopPlan(self.kind, self.stop_context()._replace(powered=powered), sequence)
         return guard_link(self.link, stop, self.journal.warn, heartbeat=heartbeat)
 
     @contextmanager

@@ -86,6 +86,12 @@ class Prompts:
         yield
 
     @contextmanager
+    def stopping(self) -> Iterator[None]:
+        """The same around the stop itself: the wish of another process for a stop waits for it, too."""
+        with self.without_interrupts():
+            yield
+
+    @contextmanager
     def stop_if_slow(self, seconds: float, stop: Callable[[], HandctlError]) -> Iterator[None]:
         """When what happens inside lasts longer than `seconds`, call `stop` and raise its error there.
 

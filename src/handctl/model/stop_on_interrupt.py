@@ -116,7 +116,7 @@ def stopped_by_error(
     except HandctlError as exc:
         set_going = since.writes - before - isinstance(exc, DeviceRefused)
         if set_going > 0 and not ended_by_interrupt(exc) and exc.code != STOPPED:
-            with prompts.without_interrupts():
+            with prompts.stopping():
                 prompts.done()
                 try:
                     stopped = stop()
@@ -131,7 +131,7 @@ def stopped_by_error(
 
 def stop_without_interrupts(stop: Callable[[], Stopped], prompts: Prompts, what: str = "") -> HandctlError:
     """Stop the movement without being interrupted; returns the error that ends the command."""
-    with prompts.without_interrupts():
+    with prompts.stopping():
         prompts.done()
         try:
             return interrupt_error(stop(), what)

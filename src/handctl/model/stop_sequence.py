@@ -159,17 +159,29 @@ def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
 
 
 class StopPlan:
-    """A stop for a process that outlives this one, with all that it needs to know: it can be called, and pickled."""
+    """A stop of one device for a process that outlives this one, or for later: it can be called, and pickled.
 
-    def __init__(self, sequence: Callable[[StopContext], StopSequence], context: StopContext) -> None:
-        self._sequence, self._context = sequence, context
-        sequence(context)  # imports the family's stopper now: later there may be no time, or no disk
+    device   family and id: which device of its link it stops
+    context  all that it needs to know
+    """
+
+    def __init__(
+        self, kind: str, context: StopContext, sequence: Callable[[StopContext], StopSequence] | None = None
+    ) -> None:
+        """`sequence` replaces the family's."""
+        self.device, self.context = (kind, context.number), context
+        self._given = sequence
+        self.sequence()  # imports the family's stopper now: later there may be no time, or no disk
+
+    def sequence(self) -> StopSequence:
+        """Its steps."""
+        return stop_sequence_of(self.device[0], self.context) if self._given is None else self._given(self.context)
 
     def __call__(self, link: Link) -> Stopped:
-        return exchange_steps(link, self._sequence(self._context), [])
+        return exchange_steps(link, self.sequence(), [])
 
     def __reduce__(self) -> tuple[object, ...]:
-        return StopPlan, (self._sequence, self._context)
+        return StopPlan, (self.device[0], self.context, self._given)
 
 
 def writes_without_replies(sequence: StopSequence, *, reads: bool = False) -> list[Step]:

@@ -11,8 +11,10 @@ import contextlib
 import os
 from _thread import RLock
 from collections.abc import Callable, Collection, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
+from handctl import interrupts
 from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError
 from handctl.families import FAMILIES
 from handctl.model.result import hex_shown
@@ -208,6 +210,11 @@ class DeviceAccess:
         found: list[dict[str, Any]] = self._report["rows"] if self._report is not None else []
         return found
 
+    def how_stopped(self) -> HandctlError | None:
+        """The same as `stopped`, once a stop that another thread runs just now is over."""
+        with self._turn:
+            return self.stopped
+
     def finish(self) -> None:
         """Call before the link is closed: a stop request from now on is told that this command is ending. Waits for one in another thread."""
         with self._turn:
@@ -260,11 +267,11 @@ class DeviceAccess:
         signals.alarm_is_over()
         self.note_stop()
         sent: list[Sent] = []
-        stopped = stopped_at(self._run, self.link, sent)
+        stopped = self._stopped_all(sent)
         if stopped.error is LinkError:
             with contextlib.suppress(LinkError):
                 if self.link.reconnect(RECONNECT_SECONDS):
-                    stopped = stopped_at(self._run, self.link, sent)
+                    stopped = self._stopped_all(sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
         if stopped.error is None:
             self.moving(self._run, False)
@@ -277,6 +284,13 @@ class DeviceAccess:
         self._report = report(stopped, sent, self._run, self.link)
         self._report["devices"] += [list(key) for key in self._at_rest]
         return self._report
+
+    def _stopped_all(self, sent: list[Sent]) -> Stopped:
+        """The stop of the command's device, and of what earlier commands of its session have left moving on the link."""
+        run, link = self._run, self.link
+        assert link is not None
+        own = partial(stopped_at, run, link, sent)
+        return own() if run.session is None else run.session.stop_all(run, link, sent, own)
 
     def unstoppable(self, seconds: float) -> None:
         """Note that something has begun that no command stops, and may last so long; 0 = it is over."""
@@ -300,7 +314,7 @@ class DeviceAccess:
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view. A Ctrl-C right after it does not cut the stop off."""
 
-        with signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
+        with interrupts.stopping(), signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
             self.stop(f"stopped by the key {self.stop_key}")
         self.end(frame)
 

@@ -368,7 +368,7 @@ def _from_here(
             run.connection.device_access.note_stop()
         sent.clear()
         end = None if bound is None else link.deadline(bound.remaining)
-        with run.prompts.without_interrupts():
+        with run.prompts.stopping():
             stopped = stopped_at(run, link, sent, sequence, end)
             if (access := run.connection.device_access) is not None:
                 stopped = access.judged(stopped)

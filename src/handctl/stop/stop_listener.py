@@ -17,12 +17,19 @@ from collections import deque
 from collections.abc import Callable, Collection
 from typing import Any
 
+from handctl import interrupts
 from handctl.command.terminal_prompts import is_terminal
 from handctl.system import clock, local_socket, signals, terminal
 
 STOP_SECONDS = 9.0
 """Longest time from `heard` to the report: the longest stop, with silence at every step."""
 LARGEST = 1 << 16
+
+
+_open: list[StopListener] = []
+"""The listeners of this process: one for each link."""
+_answered = [0]
+"""How many stops they have answered with."""
 
 
 class StopListener:
@@ -44,29 +51,44 @@ class StopListener:
         except BaseException:
             self._door.close()
             raise
+        _open.append(self)
 
     def close(self) -> None:
         """Listen no more. May be called twice."""
+        if self in _open:
+            _open.remove(self)
         self._door.close()
 
     def _called(self, frame: Any) -> None:
         if self._busy:
             self._hear()  # somebody else who wishes the same, while the device is being stopped
-            return
+        elif interrupts.is_stopping():  # of an interrupt, an error, or another link of this process
+            self._hear_and_wait()
+        else:
+            before = _answered[0]
+            with interrupts.stopping():
+                for one in _open:  # who wishes for the stop of another link is heard now, and not behind this one
+                    one._hear_and_wait()
+            if _answered[0] > before:
+                self._after(frame)
+
+    def _hear_and_wait(self) -> None:
+        if self._hear():
+            interrupts.behind_stop(self._serve_all)
+
+    def _serve_all(self) -> None:
+        """Serve all that wait."""
         self._busy = True
-        device_done = False
         try:
-            with signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
+            with interrupts.stopping(), signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
                 while self._serve():
-                    device_done = True
+                    _answered[0] += 1
         finally:
             self._busy = False
-        if device_done:
-            self._after(frame)
 
     def _serve(self) -> bool:
         """Serve one waiting process; False if there is none."""
-        if not self._hear():
+        if not self._hear() and not self._peers:
             return False
         import json
 

@@ -172,11 +172,22 @@ def tell_at_once(listener: Listener, called: Callable[[Any], None]) -> None:
     import signal
 
     number = listener.fileno()
-    signal.signal(
-        signal.SIGIO, lambda _number, frame: called(frame)
-    )  # first: without a handler the signal ends the program
+    _listening_here[:] = [*(one for one in _listening_here if one[0].fileno() >= 0), (listener, called)]
+    signal.signal(signal.SIGIO, _call_all)  # first: without a handler the signal ends the program
     fcntl.fcntl(number, fcntl.F_SETOWN, os.getpid())
     fcntl.fcntl(number, fcntl.F_SETFL, os.O_ASYNC | os.O_NONBLOCK)
+
+
+_listening_here: list[tuple[Listener, Callable[[Any], None]]] = []
+"""The listeners of this process: one signal tells of all of them, and not which one is meant."""
+
+
+def _call_all(_number: int, frame: Any) -> None:
+    """Each is called, also where one of them raises."""
+    with contextlib.ExitStack() as calls:
+        for listener, called in _listening_here:
+            if listener.fileno() >= 0:
+                calls.callback(called, frame)
 
 
 def _watch(listener: Listener, called: Callable[[Any], None]) -> None:

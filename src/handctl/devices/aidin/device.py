@@ -294,7 +294,7 @@ def stopped_if_cut_short(
             except HandctlError:
                 raise  # who raised it has decided what becomes of the fingers
             except Exception:
-                with prompts.without_interrupts():
+                with prompts.stopping():
                     hand.stop()
                 raise
     except HandctlError as exc:  # the child that guarded the old connection has gone, and with it the last to hold that
