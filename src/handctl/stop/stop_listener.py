@@ -14,8 +14,10 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
+from handctl import interrupts
 from handctl.command.terminal_prompts import is_terminal
 from handctl.system import clock, local_socket, signals, terminal
 
@@ -47,6 +49,8 @@ class StopListener:
         self._door.close()
 
     def _called(self, frame: Any) -> None:
+        if interrupts.waits_for_frame(partial(self._called, frame)):
+            return
         if self._busy:
             self._hear()  # somebody else who wishes the same, while the device is being stopped
             return
@@ -162,6 +166,8 @@ class Keyboard:
                 self._bell.ring()
 
     def _hand_over(self, frame: Any) -> None:
+        if interrupts.waits_for_frame(partial(self._hand_over, frame)):
+            return
         while self._waiting:
             self._pressed(self._waiting.popleft(), frame)
 

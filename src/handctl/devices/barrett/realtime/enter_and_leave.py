@@ -166,13 +166,14 @@ class Session:
             stands = self.stand(LATE_SECONDS)
             if stands:
                 self.hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
-            if not (stands and line.abort() is not None) and line.leave_loop() is not None:
+            left = self.thrown_out and moved
+            if not left and not (stands and line.abort() is not None) and line.leave_loop() is not None:
                 raise NoAnswer(
                     "no prompt after ^C, so the hand may still be in its loop",
                     hint="switch the hand's power off if anything moves",
                     code="loop",
                 )
-        elif self.thrown_out and moved:
+        if self.thrown_out and moved:
             # The rest of the refused block stands at the prompt as if typed, and may even be a command: ^C, CR,
             # and ^C again for what that CR may have begun.
             line.resynchronise(stop=True)
@@ -190,10 +191,15 @@ class Session:
         try:
             for block in (None, self._zero()):
                 if block is not None:
+                    decoder.feed(line.link.read(self.hand.link.at_once))
+                    if decoder.received[:1] in (b"\n", b"\r"):  # an error or a prompt: the block would be text
+                        self.thrown_out = True
+                        return False
                     decoder.expect(False)
                     line.link.write(block, self.hand.link.deadline(1.0 + line.wire_seconds(len(block))))
                 while decoder.outstanding:
                     if isinstance(decoder.next(), LoopError):
+                        self.thrown_out = True
                         return False
                     if decoder.outstanding:
                         chunk = line.link.read(self.hand.link.deadline(min(self.patience, most)))
