@@ -331,7 +331,7 @@ def gcl_(
         ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
-        table = passthrough.run_all(hand, lines, keep_going=keep_going)
+        table = passthrough.run_all(hand, lines, keep_going=keep_going, prompts=run.prompts)
         if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
             ledger.count_unknown()
         return table

@@ -45,9 +45,11 @@ from handctl.errors import (
     OutputError,
     ProtocolError,
     UsageError,
+    joined,
 )
 from handctl.model.prompts import Prompts
 from handctl.model.result import Sample
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 
 READER_SECONDS = 0.3
 """Less than the child waits: this command tells best why nothing went out."""
@@ -133,6 +135,7 @@ class RealtimeLoop:
                     yield sample
         except DeviceRefused as exc:
             self._leave()
+            self._raise_if_it_moves(exc)
             if self.failure is None:
                 self.hand.name_heat(exc)
             raise
@@ -145,8 +148,20 @@ class RealtimeLoop:
             if exc.code == "lost":  # no T can reach the hand either
                 session.last = {}
             raise
+        except (HandctlError, KeyboardInterrupt) as exc:
+            self._leave()
+            self._raise_if_it_moves(exc)
+            raise
         finally:
             self._leave()
+
+    def _raise_if_it_moves(self, exc: HandctlError | KeyboardInterrupt) -> None:
+        """Raise what is worse than `exc`: a hand that moves on, and after Ctrl-C anything that went wrong with the stop."""
+        if isinstance(exc, HandctlError) and self.session.moves is not None:
+            raise self.session.moves.reworded(joined(exc.text, self.session.moves.text)) from exc
+        if isinstance(exc, KeyboardInterrupt) and self.failure is not None:
+            text = f"interrupted, but the stop has not been confirmed: {self.failure.text}"
+            raise self.failure.reworded(text, code=NOT_STOPPED) from exc
 
     def _leave(self) -> None:
         with self._guide.without_interrupts():
