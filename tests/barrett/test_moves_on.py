@@ -56,6 +56,7 @@ WAYS = [
     ("own", (*LOOP, "--until", "P.F1 > 100"), 0),
     ("own", (*LOOP, "--duration", "0.5", "--log", "{}/loop.csv"), 0),
     ("ctrl-c", LOOP, 130),
+    ("ctrl-c", (*LOOP, "--measure", "400"), 130),
     ("deadline", LOOP, 4),
     ("deadline", ("close", "--motors", "G"), 4),
     ("ctrl-c", ("close", "--motors", "G"), 130),
