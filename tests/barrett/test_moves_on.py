@@ -37,7 +37,7 @@ def runaway(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def ended(way: str, words: tuple[str, ...], folder: Path) -> Result:
     """The command, with its own end, with --deadline, or with Ctrl-C."""
-    more = {"deadline": ("--deadline", "0.6"), "own": (), "ctrl-c": ()}[way]
+    more = {"deadline": ("--deadline", "0.5"), "own": (), "ctrl-c": ()}[way]
     with pressed_at(0.6, signal.SIGINT) if way == "ctrl-c" else nullcontext():
         return run("barrett", *words, *more, "-p", fake(wire="auto"), "--json", "--trace", folder / "trace.txt")
 
@@ -63,6 +63,8 @@ WAYS = [
     ("deadline", ("gcl", "GC"), 4),
     ("ctrl-c", ("gcl", "GC"), 130),
     ("ctrl-c", ("terminal", "GC", "--yes"), 130),
+    ("deadline", ("terminal", "GC", "--yes"), 5),
+    ("own", ("terminal", "GC", "--yes", "--wait", "0.03"), 5),
 ]
 
 
