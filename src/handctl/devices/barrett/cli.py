@@ -284,7 +284,7 @@ def reset(run: Run) -> PlannedAction:
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Keep going after an error.")
 @click.option("--file", "path", type=InFile(), metavar="FILE", help="Send the lines of this script.")
-@click.option("--force", is_flag=True, help="Send values that `set` would refuse.")
+@click.option("--force", is_flag=True, help="Send values that `set`, and openings that `open`, would refuse.")
 def gcl_(
     run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None, force: bool = False
 ) -> Table | PlannedAction:
@@ -331,7 +331,7 @@ def gcl_(
         ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
-        table = passthrough.run_all(hand, lines, keep_going=keep_going, prompts=run.prompts)
+        table = passthrough.run_all(hand, lines, keep_going=keep_going, prompts=run.prompts, force=force)
         if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
             ledger.count_unknown()
         return table
@@ -341,10 +341,13 @@ def gcl_(
 
 def _prompt(run: Run, *, force: bool) -> Table:
     from handctl.devices.barrett.gcl import passthrough
+    from handctl.devices.barrett.motion import refuse_typed_harm
 
     def before(text: str) -> None:
         for note in check_line(text, force=force):
             run.prompts.say(f"careful: {note}")
+        if not force:
+            refuse_typed_harm(run.device(), text)
         ask(run, [text])
 
     if run.settings.dry_run:

@@ -6,6 +6,7 @@ GCL has no checksum: an answer is believed when its echo, its number of lines an
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
+from functools import partial
 from itertools import product
 from types import MappingProxyType
 
@@ -102,12 +103,12 @@ def check_line(text: str, *, force: bool = False) -> list[str]:
     return list(dict.fromkeys(check_careful(changes, force)))
 
 
-def _check_typed(text: str) -> None:
-    """`check_line` for the terminal, which has no --force."""
+def _check_typed(text: str, check: Callable[[str], object] = check_line) -> None:
+    """`check` for the terminal, which has no --force."""
     try:
-        check_line(text)
+        check(text)
     except UsageError as exc:
-        if exc.code == "careful":
+        if exc.code in ("careful", "opening-speed", "targets"):
             exc.hint = Hint("{} sends it anyway. Nothing was sent.", f'barrett gcl --force "{text}"')
         raise
 
@@ -157,9 +158,14 @@ class BarrettHand(Device):
         return Step(meaning, data, moves=moves, strands=strands), ". ".join(questions)
 
     def admit(self, data: bytes, can_id: int | None) -> None:
-        """Find the hand; a save is counted even if its reply does not come."""
+        """Find the hand, and refuse openings that may harm it; a save is counted even if its reply does not come. Raises UsageError."""
+        from handctl.devices.barrett.motion import refuse_typed_harm
+
         self.line.connect()
-        if any(kind_of(line.decode("ascii", "replace")) == "save" for line in data.split(CR)):
+        lines = [line.decode("ascii", "replace") for line in data.split(CR)]
+        for line in lines:
+            _check_typed(line, partial(refuse_typed_harm, self))
+        if any(kind_of(line) == "save" for line in lines):
             self.count_save()
 
     def identity(self) -> dict[str, object]:

@@ -10,6 +10,7 @@ from handctl.devices.barrett import eeprom_saves
 from handctl.devices.barrett.device import BarrettHand, check_line
 from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, Answer, encode, kind_of, split, whole
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
+from handctl.devices.barrett.motion import refuse_typed_harm
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
@@ -77,8 +78,15 @@ def line_of(text: str, number: int = 0, *, force: bool = False) -> ScriptLine:
     return line._replace(wait=int(words[0]) / 1000)
 
 
-def run_all(hand: BarrettHand, commands: Iterable[ScriptLine], *, keep_going: bool, prompts: Prompts = SILENT) -> Table:
-    """Send commands one after the other; stops at the first error unless `keep_going`.
+def run_all(
+    hand: BarrettHand,
+    commands: Iterable[ScriptLine],
+    *,
+    keep_going: bool,
+    prompts: Prompts = SILENT,
+    force: bool = False,
+) -> Table:
+    """Send commands one after the other; stops at the first error unless `keep_going`, and without `force` before an opening that may harm.
 
     An answer that did not come, and Ctrl-C, also in a DELAY, end it in any case: what was carried out before is told all the same.
     """
@@ -92,6 +100,8 @@ def run_all(hand: BarrettHand, commands: Iterable[ScriptLine], *, keep_going: bo
                 if line.wait is not None:
                     hand.link.sleep(line.wait)
                     continue
+                if not force:
+                    refuse_typed_harm(hand, text)
                 guard.before(text)
                 answer = ask(hand, text, prompts)
             except KeyboardInterrupt:
