@@ -175,10 +175,14 @@ class Conversation:
     def send(self, typed: Typed) -> None:
         """One line, once. From the first that moves something on, Ctrl-C, a missing reply and the death of this process stop the device.
 
-        Raises NotIdentified, NoAnswer where --deadline has passed, LinkError.
+        Raises NotIdentified, NoAnswer where --deadline has passed, LinkError, UsageError for what no stranger may get.
         """
         run, step, link = self._run, typed.step, self.link
         device = run.device()
+        if run.settings.assume_identity and step.can_id is None:
+            from handctl.model.other_family_bytes import refuse_for_strangers
+
+            refuse_for_strangers(typed.whole)
         if typed.writes:
             self._checking = True
             try:
