@@ -54,12 +54,17 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
         GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=bool(own.get("interrupt")))
     )
 
+    def refuse_harm(line: str) -> None:
+        from handctl.devices.barrett.motion import refuse_typed_harm
+
+        refuse_typed_harm(hand, line)
+
     def count_save() -> None:
         from handctl.devices.barrett.eeprom_saves import Ledger
 
         Ledger(hand, simulated=link.fake).count_unknown()
 
-    hand.count_save = count_save
+    hand.count_save, hand.refuse_harm = count_save, refuse_harm
     return hand
 
 
