@@ -867,4 +867,23 @@ ROWS = (
         "for objection in ():",
         "tests/barrett/test_cli_write.py::test_a_load_tells_of_values_that_set_refuses",
     ),
+    mistake(
+        "barrett-a-stop-into-half-an-image",
+        "sent unasked",
+        "handctl.stop.stop_command",
+        "_from_here",
+        "return report(Stopped(why), (), refused=True)",
+        "pass",
+        "tests/barrett/test_cut_download.py::test_what_follows_sends_nothing_into_the_image",
+        "tests/barrett/test_cut_download.py::test_a_stop_is_held_back_once",
+    ),
+    mistake(
+        "barrett-half-an-image-is-asked",
+        "sent unasked",
+        "handctl.devices.barrett.gcl.session_start",
+        "SessionStart.run",
+        "if state_files.is_half_loaded(self.link):",
+        "if False:",
+        "tests/barrett/test_cut_download.py::test_what_follows_sends_nothing_into_the_image",
+    ),
 )

@@ -74,6 +74,12 @@ def _recall(name: str) -> int | None:
     return state_files.speed_of(name)
 
 
+def _holds_back(name: str) -> str:
+    from handctl.devices.barrett import state_files
+
+    return state_files.holds_back(name)
+
+
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
     from handctl.devices.barrett.maintenance import diagnose
@@ -87,7 +93,9 @@ def _report_checks(run: Run) -> Table:
 
 cli = Group(
     "barrett",
-    family=Family("barrett", open_barrett, 9600, recall=_recall, speeds=SPEEDS, checks=_report_checks),
+    family=Family(
+        "barrett", open_barrett, 9600, recall=_recall, holds_back=_holds_back, speeds=SPEEDS, checks=_report_checks
+    ),
     first=("version", "errors", "init", "open", "close", "move", "home", "save", "diagnose", "maintenance", "strain"),
     help="Read, move and service a BarrettHand BH8 (RS-232, firmware 4.3x and 4.4). Motors 1 2 3 are the fingers, 4 or S is the spread, G is all fingers.",
 )
