@@ -49,6 +49,10 @@ class _State:
         """Stops that are running, one within the other."""
         self.asked: list[Callable[[], object]] = []
         """What answers those who wished for a stop meanwhile."""
+        self.sending = False
+        """A frame is just going out and being noted."""
+        self.behind_frame: list[Callable[[], object]] = []
+        """What a stop is to do once it has."""
         self.thread = get_ident()
         """The thread that handles interrupts."""
         self.results: set[int] = set()
@@ -283,6 +287,36 @@ class handing_over:  # noqa: N801 - a context manager, named as one
         if kind is None and _state.kept:
             _state.kept = False
             raise KeyboardInterrupt
+
+
+class sending(handing_over):  # noqa: N801 - a context manager, named as one
+    """The same around a frame that goes out: a stop comes before it or behind it, never between the two halves of sending it.
+
+    What sends looks in here whether it still may, so no frame that was begun before a stop goes out after it.
+    """
+
+    __slots__ = ()
+
+    def __enter__(self) -> None:
+        super().__enter__()
+        _state.sending = _state.sending or self._ours
+
+    def __exit__(self, kind: type[BaseException] | None, *more: object) -> None:
+        if self._ours:
+            _state.sending = False
+        try:
+            super().__exit__(kind, *more)
+        finally:
+            while self._ours and _state.behind_frame:
+                _state.behind_frame.pop(0)()
+
+
+def waits_for_frame(stop: Callable[[], object]) -> bool:
+    """Whether a frame is just going out: then `stop` is called as soon as it has. A line that takes nothing is not waited for."""
+    if not _state.sending or (_state.handing is not None and not has_room(_state.handing)):
+        return False
+    _state.behind_frame.append(stop)
+    return True
 
 
 def _writable() -> set[int]:

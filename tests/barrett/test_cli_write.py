@@ -306,6 +306,17 @@ def test_a_load_is_said_where_it_was_seen(tmp_path: Path) -> None:
     assert (states(deaf), "saved-elsewhere" in deaf.codes()) == (["sent"], True)
 
 
+def test_a_load_tells_of_values_that_set_refuses(tmp_path: Path) -> None:
+    """They were saved by whoever; from now on the hand opens so fast, as far as nothing refuses it."""
+    port = fake(state=tmp_path / "state.json")
+    assert "careful" not in do("load", "-y", port=port).codes()
+    assert do("gcl", "FSET IVEL 900", "FSAVE", "FDEF", "--force", "-y", port=port).code == 0
+    result = do("load", "-y", port=port)
+    told = [message["text"] for message in result.json["messages"] if message["code"] == "careful"]
+    assert result.code == 0 and "careful" in result.codes() and "IVEL = 900" in " ".join(told), result
+    assert do("gcl", "HI", port=port).code == 2
+
+
 def test_some_motors_are_saved_alone(tmp_path: Path) -> None:
     """123FSAVE (§5.2.2): the spread and the hand's own settings stay as saved, and the journal knows it."""
     port, trace = fake(state=tmp_path / "state.json"), tmp_path / "t.txt"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -197,6 +197,54 @@ def test_a_guarded_value_needs_force_on_every_path(path: str, text: str, tmp_pat
         assert forced.code == 0 and "careful" in [message["code"] for message in forced.json["messages"]], forced
 
 
+HARMFUL = {
+    "HI": "IVEL 900",
+    "GO": "MOV 900",
+    "GTO": "MOV 900",
+    "12IO 500": "MOV 900",
+    "GHOME": "MOV 900",
+    "1M 100": "MOV 900",
+    "go": "MOV 900",
+}
+OPENING = {
+    "gcl": ("gcl", "{}"),
+    "gcl, the second line": ("gcl", "FGET P", "{}"),
+    "gcl --file": ("gcl", "--file", "@{}"),
+    "terminal": ("terminal", "{}", "-y"),
+    "terminal, in bytes": ("terminal", "hex {hex}", "-y"),
+}
+
+
+@each_row("path", OPENING)
+@each_row("line", HARMFUL)
+def test_an_opening_that_may_harm_needs_force_on_every_path(path: str, line: str, tmp_path: Path) -> None:
+    """Whoever has set the velocity, a typed opening is refused as `open` and `init` are (barrett §5.3.4 IVEL)."""
+    state, trace = tmp_path / "state.json", tmp_path / "t.txt"
+    state.unlink(missing_ok=True)
+    link = ("-p", f"fake://barrett?clock=virtual&initialized=1&state={state}", "--json")
+    assert run("barrett", "gcl", "GM 5000", f"FSET {HARMFUL[line]}", "--force", *link).code == 0
+    words = [word.format(line, hex=f"{line}\r".encode().hex(" ")) for word in OPENING[path]]
+    for place, word in enumerate(words):
+        if word.startswith("@"):
+            (tmp_path / "script").write_text(f"{word[1:]}\n", encoding="utf-8")
+            words[place] = str(tmp_path / "script")
+    result = run("barrett", *words, *link, "--trace", str(trace))
+    assert (result.code, result.error["code"]) == (2, "opening-speed"), result
+    assert line not in sent_lines(trace) and "--force" in result.error["hint"]
+    if words[0] == "gcl":
+        forced = run("barrett", *words, "--force", *link, "--trace", str(trace))
+        assert forced.code in (0, 6) and line in sent_lines(trace), forced
+
+
+@each_row("line", ["C", "GIC 500", "1M 9000", "T", "FGET P", "1M x"])
+def test_what_opens_nothing_is_not_asked_about(line: str) -> None:
+    hand, link = simulated()
+    hand.line.ask("FSET MOV 4080")
+    with suppress(UsageError):
+        passthrough.run_all(hand, [passthrough.line_of(line)], keep_going=False)
+    assert line in link.commands
+
+
 def test_the_library_refuses_a_guarded_value() -> None:
     with connect("barrett", "fake://barrett?clock=virtual") as hand:
         with pytest.raises(UsageError):
@@ -206,6 +254,7 @@ def test_the_library_refuses_a_guarded_value() -> None:
 
 def test_from_the_first_line_that_may_move_death_stops_the_hand(monkeypatch: pytest.MonkeyPatch) -> None:
     """A read sets up no child; a command that nobody knows may move something; behind a new baud rate it is another child."""
+    lines = ["FGET P", "FSET DP 5", "1C", "1O", "PLOAD", "FGET P", "1M 50", "1FOO"]
     seen: list[object] = []
     ask = GclLine.ask
 
@@ -216,12 +265,12 @@ def test_from_the_first_line_that_may_move_death_stops_the_hand(monkeypatch: pyt
         seen.append("over")
 
     def noted(self: GclLine, command: str, **more: float) -> Answer:
-        seen.append(command)
+        if command in (*lines, "FOO"):  # not what is asked before an opening
+            seen.append(command)
         return ask(self, command, **more)
 
     monkeypatch.setattr(BarrettHand, "guarded", guarded)
     monkeypatch.setattr(GclLine, "ask", noted)
-    lines = ["FGET P", "FSET DP 5", "1C", "1O", "PLOAD", "FGET P", "1M 50", "1FOO"]
     run("barrett", "gcl", *lines, "--keep-going", "-y", "-p", "fake://barrett?clock=virtual&initialized=1")
     on = {"powered": True}
     assert seen == ["FGET P", "FSET DP 5", on, "1C", "1O", "over", "PLOAD", "FGET P", on, "1M 50", "1FOO", "over"]

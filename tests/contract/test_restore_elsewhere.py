@@ -127,3 +127,13 @@ def test_what_means_something_else_there_is_refused(tmp_path: Path, model: str, 
     assert (refused.code, refused.error["code"]) == (2, "other-meaning")
     assert "default_speed" in refused.error["text"]
     assert all(row["state"] == "not-sent" for row in refused.json["writes"])
+
+
+@pytest.mark.parametrize(
+    ("given", "kept"), [("DP", "default_position"), ("dp", "default_position"), ("DP.F1", "default_position.F1")]
+)
+def test_skip_takes_the_names_that_get_takes(barrett: tuple[str, Path], given: str, kept: str) -> None:
+    """The manual's mnemonic, too; what is left out is told by the name that the file has."""
+    link, path = barrett
+    done = run("barrett", "restore", path, "-y", "--skip", given, "-p", link, "--json")
+    assert (done.code, done.rows) == (0, []) and [kept in text for text in messages(done, "skipped")] == [True], done

@@ -80,3 +80,37 @@ def test_a_person_cannot_type_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     shown = person("ekso", "terminal", "-y", "--trace", trace, "-p", LINK, answers=typed)
     gone = b"".join(one.data for one in passed(trace) if one.mark == ">")
     assert START not in gone and bytes.fromhex(READ) in gone, shown
+
+
+STRANGERS = [("exo", "raw"), ("wrist", "raw"), ("hand", "raw"), ("exo", "terminal"), ("wrist", "terminal"), ("aidin", "terminal"), ("hand", "terminal")]  # fmt: skip
+OF_ANOTHER = {
+    **{mode: [frame(START, mode)] for mode in LENGTH_MODES},
+    "another body": [frame(START, body=b"\0\0\1\1")],
+    "behind stray bytes": [f"2A 00 9D {frame(START)} 00"],
+    "in a write of an exo": [f"EB 90 01 0B 12 D4 05 {frame(START)} 00"],
+    "cut": cut(frame(START), 3),
+}
+OTHERWISE = ("in a write of an exo", "cut")
+"""Refused for the value that the write sets, by some families; and a line without a reply ends the terminal before the next."""
+
+
+@each_row("family, verb", STRANGERS)
+@each_row("name", OF_ANOTHER)
+def test_no_other_family_sends_it_to_a_device_that_is_only_assumed(
+    family: str, verb: str, name: str, tmp_path: Path
+) -> None:
+    """The port may lead to an EksoNR. What is no whole frame goes out as before, and so does all to a device that has said who it is."""
+    lines = OF_ANOTHER[name]
+    lines = [f"hex {line}" for line in lines] if family == "aidin" else lines
+    if verb == "raw":
+        lines = [" ".join(lines)]
+    more = ("--force-ambiguous",) if verb == "raw" else ()
+    words = (family, verb, *lines, *more, "-y", "--trace", tmp_path / "t", "-p", facts_of(family).link(family, ""))
+    model = ("--model", "df") if family == "hand" else ()  # without, an RH56 is looked at all the same
+    result = run(*words, "--assume-identity", *model)
+    trace = passed(tmp_path / "t") if (tmp_path / "t").exists() else ()
+    gone = b"".join(one.data for one in trace if one.mark == ">")
+    assert result.code and bytes.fromhex(frame(START)) not in gone, result
+    if name not in OTHERWISE:
+        assert (result.code, "never-sent" in result.said, START in gone) == (2, True, False), result
+    assert "never-sent" not in run(*words).said

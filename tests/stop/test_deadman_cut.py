@@ -76,7 +76,9 @@ def test_a_control_block_that_was_cut_off(monkeypatch: pytest.MonkeyPatch, cut: 
     assert run.error is None
     (guard,) = guards
     inside, last = guard.told
-    assert last == [] and inside[1].data == b"c\x00\x0d", "once in the loop: velocity 0; the gain is kept"
+    assert last == [] and inside[1].data == b"c\x00\x0c", (
+        "once in the loop: velocity 0; the gain is kept, and 13 is sent as 12"
+    )
     link = run.link
     assert isinstance(link, Simulated)
     run.hand.line.ask("1FSET LCV 1 LCPG 1 LFV 0 LFS 0 LFAP 1 LFDP 0")

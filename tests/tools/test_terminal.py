@@ -184,6 +184,16 @@ def test_a_person_sees_what_was_typed_wrong(tmp_path: Path) -> None:
     assert "barrett realtime" in shown.data and "FGET P: read position" in shown.data
 
 
+@pytest.mark.usefixtures("typing")
+@each_row("line, code", [("GC", 4), ("FGET P", 0)])
+def test_ctrl_d_before_the_reply_leaves_nothing_moving(line: str, code: int, tmp_path: Path) -> None:
+    """The end of a terminal is the end of a movement that it has started, where its reply has not come."""
+    ready = f"{link('barrett')}&initialized=1&wire=auto"
+    shown = person("barrett", "terminal", "-p", ready, "--trace", tmp_path / "trace", answers=[line])
+    assert shown.code == code, shown
+    assert (b"T\r" in sent(tmp_path / "trace")) == bool(code)
+
+
 STOPS: dict[str, tuple[str, bytes]] = {
     # family: a line that moves or may, and the bytes of its stop
     "exo": (WRITE, bytes.fromhex("EB 90 01 0B 32")),

@@ -27,6 +27,7 @@ class Family(NamedTuple):
     tcp_port  port of tcp://HOST without one, None = it must be given; a family that has one and no `wires` has no serial wire
     ids       its protocol has device ids
     recall    LINK -> the speed at which its device was found last, None = not known; not needed, never an error
+    holds_back  LINK -> why a stop would do harm there and sends nothing, "" = it may be sent
     check     settings -> raises UsageError for what does not fit together
     map_of    settings -> the parameter map, where it depends on them; None = there is one
     other_maps  settings -> further maps that its devices may have, as far as that was not typed
@@ -44,6 +45,7 @@ class Family(NamedTuple):
     ids: bool = False
     check: Callable[[Settings], object] | None = None
     recall: Callable[[str], int | None] | None = None
+    holds_back: Callable[[str], str] | None = None
     map_of: Callable[[Settings], ParamMap[Any]] | None = None
     simulated: Callable[[Settings], str] | None = None
     speeds: tuple[int, ...] = ()

@@ -220,7 +220,7 @@ def restore(
     that, all of it by name, unless `skip` names it: parameters, or elements of them.
     """
     content = load(path, params.kind)
-    values = _unskipped(run, content["values"], path, skip)
+    values = _unskipped(run, content["values"], path, [_as_kept(params, name) for name in skip])
     _need_settings(params, setpoints)
     found = _checked(params, values, path)
     changes = [change for change in found if setpoints or change[0].param.kind != COMMAND]
@@ -328,6 +328,15 @@ def tell_all_listed(run: Run) -> None:
         "plan",
         "all values are listed: without reading the device, handctl cannot tell which are already set",
     )
+
+
+def _as_kept(params: ParamMap[Any], name: str) -> str:
+    """A name as a file has it, for one that `get` takes too, such as the manual's mnemonic; one of no parameter as it is."""
+    try:
+        param, elements = params.find(name)
+    except UsageError:
+        return name
+    return elements[0].full_name if "." in name else param.name
 
 
 def _unskipped(run: Run, values: dict[str, Number], path: str, skip: Sequence[str]) -> dict[str, Number]:

@@ -100,6 +100,7 @@ class Link(ABC):
     held      descriptors that keep others off the device (locks)
     observers who is told of what passes, see `transcript.observed`
     overheard whether what passes is told at all
+    silenced  nothing is sent any more, see `block_sending`
     over      nothing can come any more: a transcript that has been played to its end
     guard     the child that stops the device if this process dies (`deadman`), None = none
     """
@@ -111,6 +112,7 @@ class Link(ABC):
     held: tuple[int, ...] = ()
     observers: tuple[Any, ...] = ()
     overheard: bool = False
+    silenced: bool = False
     guard: Any = None
 
     at_once = Deadline(float, float("-inf"))
@@ -169,6 +171,7 @@ class Link(ABC):
 
     def block_sending(self) -> None:
         """From now on nothing is sent: a thread that tries is interrupted. The device was stopped, and must stay stopped."""
+        self.silenced = True  # for what had begun to send
         setattr(self, self._goes_out, _interrupt)  # in place of the method: a check in it would cost every write
 
     def only_this_thread(self) -> None:

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from handctl import interrupts
 from handctl.errors import LinkError, OutputError, UsageError
 from handctl.files import at_once, has_content, writing
-from handctl.interrupts import handing_over
+from handctl.interrupts import handing_over, sending
 from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
 
 L = TypeVar("L", bound=Link)
@@ -156,6 +156,8 @@ def _overheard(link: Any) -> None:
 
     def spoken(what: Any, deadline: Deadline) -> None:
         with _whole(link):
+            if link.silenced:
+                raise KeyboardInterrupt
             sent = link.now()
             try:
                 try:
@@ -201,11 +203,11 @@ def _overheard(link: Any) -> None:
 
 
 def _whole(link: Link) -> AbstractContextManager[None]:
-    """Around what goes out and is noted: Ctrl-C waits for both, unless the line takes nothing just now."""
+    """Around what goes out and is noted: Ctrl-C and a stop wait for both, unless the line takes nothing just now."""
     raw_access = link.raw_access()
     if raw_access is None and not (link.fake or link.replayed):
         return nullcontext()
-    return handing_over(raw_access.descriptor if raw_access is not None else -1)
+    return sending(raw_access.descriptor if raw_access is not None else -1)
 
 
 class TraceWriter:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Iterable
 
-from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, joined
+from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, UsageError, joined
 from handctl.families import FAMILIES
 
 
@@ -25,6 +25,18 @@ def renamed(error: HandctlError, own: str) -> HandctlError:
         hint=f"use {commands}",
         code=OTHER_DEVICE,
     )
+
+
+def refuse_for_strangers(data: bytes) -> None:
+    """Refuse bytes for a device whose identity is only assumed, where a family never sends them to its own. Raises UsageError."""
+    for row in FAMILIES.values():
+        never_sent = getattr(importlib.import_module(row.codec), "never_sent", None)
+        if never_sent is not None and (what := never_sent(data)):
+            raise UsageError(
+                f"these bytes contain {what}, and the device may be one: its identity was not checked, because of --assume-identity",
+                hint="leave --assume-identity out. Nothing was sent.",
+                code="never-sent",
+            )
 
 
 def has_frame_of(data: bytes, families: Iterable[str]) -> bool:

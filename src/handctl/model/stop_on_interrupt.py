@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer
+from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError, NoAnswer, joined
 from handctl.model.stop_sequence import Stopped
 
 if TYPE_CHECKING:
@@ -108,6 +108,8 @@ def stopped_by_error(
 ) -> Iterator[None]:
     """Around a movement that is watched: an error stops it as Ctrl-C does, for nobody watches it afterwards, and tells the result.
 
+    A device that does not obey that, as one that moves on, is worse than the error, and raised in its place.
+
     Not where nothing was written in here, or the one write was refused: then nothing was set going.
     """
     before = since.writes
@@ -124,6 +126,8 @@ def stopped_by_error(
                     stopped = INTERRUPTED_AGAIN
             if exc.left.moving:
                 exc.left = Aftermath()
+            if stopped.error is DeviceRefused:
+                raise DeviceRefused(joined(exc.text, stopped.text), hint=stopped.hint, code=NOT_STOPPED) from exc
             said = f"{who} may still move, because the stop has not been confirmed" if stopped.error else STOPPED_IT
             exc.add_aftermath(Aftermath(f"{said}: {stopped.text}", stopped.hint, moving=stopped.error is not None))
         raise

@@ -20,7 +20,14 @@ from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, 
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import Sent, StopContext, StopSequence, stop_sequence_of, writes_without_replies
+from handctl.model.stop_sequence import (
+    Sent,
+    StopContext,
+    Stopped,
+    StopSequence,
+    stop_sequence_of,
+    writes_without_replies,
+)
 from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
@@ -350,6 +357,9 @@ def _from_here(
     otherwise: Callable[[Any], str] | None,
 ) -> dict[str, Any]:
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
+    assert run.family is not None
+    if run.family.holds_back is not None and (why := run.family.holds_back(run.link_name())):
+        return report(Stopped(why), (), refused=True)
     if run.session is None and run.link is None:
         run.connection.device_access = DeviceAccess(run, lock)
         run.connection.device_access.note_stop()

@@ -15,6 +15,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Collection
+from functools import partial
 from typing import Any
 
 from handctl import interrupts
@@ -60,6 +61,8 @@ class StopListener:
         self._door.close()
 
     def _called(self, frame: Any) -> None:
+        if interrupts.waits_for_frame(partial(self._called, frame)):
+            return
         if self._busy:
             self._hear()  # somebody else who wishes the same, while the device is being stopped
         elif interrupts.is_stopping():  # of an interrupt, an error, or another link of this process
@@ -209,6 +212,8 @@ class Keyboard:
                 self._bell.ring()
 
     def _hand_over(self, frame: Any) -> None:
+        if interrupts.waits_for_frame(partial(self._hand_over, frame)):
+            return
         while self._waiting:
             self._pressed(self._waiting.popleft(), frame)
 

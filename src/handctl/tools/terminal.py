@@ -45,6 +45,8 @@ PATIENCE = 10
 LOOK = 0.05
 """Seconds between two looks whether a line was typed."""
 LONGEST = 4096
+UNANSWERED = (NoAnswer.exit_code, ProtocolError.exit_code)
+"""Exit codes of a line without a valid reply: what it has set going nobody has seen to end."""
 WRITE_SECONDS = 2.0
 
 
@@ -171,12 +173,16 @@ class Conversation:
     # -- both ways -----------------------------------------------------------------------------------------------------
 
     def send(self, typed: Typed) -> None:
-        """One line, once. From the first that moves something on, Ctrl-C and the death of this process stop the device.
+        """One line, once. From the first that moves something on, Ctrl-C, a missing reply and the death of this process stop the device.
 
-        Raises NotIdentified, NoAnswer where --deadline has passed, LinkError.
+        Raises NotIdentified, NoAnswer where --deadline has passed, LinkError, UsageError for what no stranger may get.
         """
         run, step, link = self._run, typed.step, self.link
         device = run.device()
+        if run.settings.assume_identity and step.can_id is None:
+            from handctl.model.other_family_bytes import refuse_for_strangers
+
+            refuse_for_strangers(typed.whole)
         if typed.writes:
             self._checking = True
             try:
@@ -270,7 +276,10 @@ def terminal(run: Run, lines: Sequence[str], wait: float, *, as_hex: bool) -> Ta
                     talk.send(one)
                     talk.hear()
                     talk.over()
-                    if (failure := talk.failure()) is not None:
+                    failure = talk.failure()
+                    if failure is not None and failure.exit_code in UNANSWERED:
+                        raise failure  # what it has set going is stopped
+                    if failure is not None:
                         break
         except HandctlError as exc:  # what passed before is shown
             failure = exc
@@ -302,7 +311,11 @@ def _at_prompt(run: Run, wait: float, *, as_hex: bool) -> Table:
             quiet = talk.link.now() if came or line else quiet
             if talk.link.now() - quiet >= wait * (PATIENCE if talk.waits else 1):
                 talk.over()
+        unanswered = talk.waits
         talk.over()
+        if unanswered and run.journal.drives:
+            hint = "end the terminal when the reply has come, if the movement is to go on"
+            raise NoAnswer(f"{talk.link.name}: the terminal ended before the reply came", hint=hint)
     return Table()
 
 

@@ -398,4 +398,22 @@ ROWS = (
         "return False",
         "tests/ekso/test_formats.py::test_check_finds_clocks_that_part_within_a_segment",
     ),
+    mistake(
+        "ekso-another-family-starts-a-movement",
+        "guard left out",
+        "handctl.devices.inspire.register_bus",
+        "RegisterBus.pass_gate",
+        "refuse_for_strangers(request)",
+        "pass",
+        "tests/ekso/test_never_sent.py::test_no_other_family_sends_it_to_a_device_that_is_only_assumed",
+    ),
+    mistake(
+        "ekso-the-terminal-of-another-family-starts-a-movement",
+        "guard left out",
+        "handctl.tools.terminal",
+        "Conversation.send",
+        "refuse_for_strangers(typed.whole)",
+        "pass",
+        "tests/ekso/test_never_sent.py::test_no_other_family_sends_it_to_a_device_that_is_only_assumed",
+    ),
 )

@@ -88,4 +88,23 @@ ROWS = (
         "pass",
         "tests/tools/test_terminal.py::test_a_stranger_gets_nothing_that_writes",
     ),
+    mistake(
+        "a-terminal-leaves-a-movement-behind",
+        "stop not sent",
+        "handctl.tools.terminal",
+        "terminal",
+        "if failure is not None and failure.exit_code in UNANSWERED:",
+        "if False:",
+        "tests/barrett/test_moves_on.py::test_a_hand_that_stands_is_seen_to",
+        "tests/barrett/test_moves_on.py::test_a_hand_that_moves_on_is_no_success",
+    ),
+    mistake(
+        "a-terminal-that-ends-by-a-key-leaves-a-movement-behind",
+        "stop not sent",
+        "handctl.tools.terminal",
+        "_at_prompt",
+        "if unanswered and run.journal.drives:",
+        "if False:",
+        "tests/tools/test_terminal.py::test_ctrl_d_before_the_reply_leaves_nothing_moving",
+    ),
 )

@@ -53,12 +53,17 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
         GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=bool(own.get("interrupt")))
     )
 
+    def refuse_harm(line: str) -> None:
+        from handctl.devices.barrett.motion import refuse_typed_harm
+
+        refuse_typed_harm(hand, line)
+
     def count_save() -> None:
         from handctl.devices.barrett.eeprom_saves import Ledger
 
         Ledger(hand, simulated=link.fake).count_unknown()
 
-    hand.count_save = count_save
+    hand.count_save, hand.refuse_harm = count_save, refuse_harm
     return hand
 
 
@@ -66,6 +71,12 @@ def _recall(name: str) -> int | None:
     from handctl.devices.barrett import state_files
 
     return state_files.speed_of(name)
+
+
+def _holds_back(name: str) -> str:
+    from handctl.devices.barrett import state_files
+
+    return state_files.holds_back(name)
 
 
 def _report_checks(run: Run) -> Table:
@@ -81,7 +92,9 @@ def _report_checks(run: Run) -> Table:
 
 cli = Group(
     "barrett",
-    family=Family("barrett", open_barrett, 9600, recall=_recall, speeds=SPEEDS, checks=_report_checks),
+    family=Family(
+        "barrett", open_barrett, 9600, recall=_recall, holds_back=_holds_back, speeds=SPEEDS, checks=_report_checks
+    ),
     first=("version", "errors", "init", "open", "close", "move", "home", "save", "diagnose", "maintenance", "strain"),
     help="Read, move and service a BarrettHand BH8 (RS-232, firmware 4.3x and 4.4). Motors 1 2 3 are the fingers, 4 or S is the spread, G is all fingers.",
 )
@@ -283,7 +296,7 @@ def reset(run: Run) -> PlannedAction:
 @click.argument("commands", nargs=-1, metavar="[COMMAND]...")
 @click.option("--keep-going", is_flag=True, help="Keep going after an error.")
 @click.option("--file", "path", type=InFile(), metavar="FILE", help="Send the lines of this script.")
-@click.option("--force", is_flag=True, help="Send values that `set` would refuse.")
+@click.option("--force", is_flag=True, help="Send values that `set`, and openings that `open`, would refuse.")
 def gcl_(
     run: Run, commands: tuple[str, ...], keep_going: bool, path: str | None, force: bool = False
 ) -> Table | PlannedAction:
@@ -330,7 +343,7 @@ def gcl_(
         ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
-        table = passthrough.run_all(hand, lines, keep_going=keep_going)
+        table = passthrough.run_all(hand, lines, keep_going=keep_going, prompts=run.prompts, force=force)
         if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
             ledger.count_unknown()
         return table
@@ -340,10 +353,13 @@ def gcl_(
 
 def _prompt(run: Run, *, force: bool) -> Table:
     from handctl.devices.barrett.gcl import passthrough
+    from handctl.devices.barrett.motion import refuse_typed_harm
 
     def before(text: str) -> None:
         for note in check_line(text, force=force):
             run.prompts.say(f"careful: {note}")
+        if not force:
+            refuse_typed_harm(run.device(), text)
         ask(run, [text])
 
     if run.settings.dry_run:

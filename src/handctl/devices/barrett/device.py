@@ -102,12 +102,12 @@ def check_line(text: str, *, force: bool = False) -> list[str]:
     return list(dict.fromkeys(check_careful(changes, force)))
 
 
-def _check_typed(text: str) -> None:
-    """`check_line` for the terminal, which has no --force."""
+def _check_typed(text: str, check: Callable[[str], object] = check_line) -> None:
+    """`check` for the terminal, which has no --force."""
     try:
-        check_line(text)
+        check(text)
     except UsageError as exc:
-        if exc.code == "careful":
+        if exc.code in ("careful", "opening-speed", "targets"):
             exc.hint = Hint("{} sends it anyway. Nothing was sent.", f'barrett gcl --force "{text}"')
         raise
 
@@ -133,6 +133,8 @@ class BarrettHand(Device):
         self.line = line
         self.count_save: Callable[[], None] = lambda: None
         """Counts a save that is sent as it was typed; who opens the hand has the journal."""
+        self.refuse_harm: Callable[[str], None] = lambda line: None
+        """Raises UsageError for a typed opening that may harm; who opens the hand has the movements."""
         self._told_sign = False
 
     def abort(self) -> Stopped:
@@ -157,9 +159,12 @@ class BarrettHand(Device):
         return Step(meaning, data, moves=moves, strands=strands), ". ".join(questions)
 
     def admit(self, data: bytes, can_id: int | None) -> None:
-        """Find the hand; a save is counted even if its reply does not come."""
+        """Find the hand, and refuse openings that may harm it; a save is counted even if its reply does not come. Raises UsageError."""
         self.line.connect()
-        if any(kind_of(line.decode("ascii", "replace")) == "save" for line in data.split(CR)):
+        lines = [line.decode("ascii", "replace") for line in data.split(CR)]
+        for line in lines:
+            _check_typed(line, self.refuse_harm)
+        if any(kind_of(line) == "save" for line in lines):
             self.count_save()
 
     def identity(self) -> dict[str, object]:

@@ -12,7 +12,9 @@ from handctl.devices.barrett import eeprom_saves
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.gcl import passthrough
 from handctl.devices.barrett.gcl.codec import motors_of, split
+from handctl.devices.barrett.parameter_map import check_careful, standard
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint
+from handctl.model.param import Element
 from handctl.model.result import Table
 from handctl.wording import plural
 
@@ -41,6 +43,13 @@ def load(hand: BarrettHand, commands: Sequence[str], *, simulated: bool) -> Tabl
                 "load-unseen",
                 f"{command} was acknowledged, but no value has changed: either RAM already held the saved values, or they were not loaded",
             )
+        loaded = [(element, mine[element.full_name]) for element in _settings() if element.full_name in mine]
+        for objection in check_careful(loaded, force=True):
+            hint = Hint(
+                "set it anew, or {} sets the factory values. Openings that may deform the clutch are refused",
+                "barrett defaults",
+            )
+            hand.journal.warn("careful", f"{command} has loaded {objection}", hint=hint)
         if other:
             text = f"{command}: not as handctl saved them last{_list(other)}"
             hand.journal.warn("saved-elsewhere", text, hint="another program may have saved since: check these values")
@@ -70,6 +79,10 @@ def defaults(hand: BarrettHand, commands: Sequence[str]) -> Table:
             text = f"{command} has set {plural(len(off), 'value')} to another one than the documented factory value{_list(off)}"
             hand.journal.warn("other-defaults", text, hint=Hint("compare them with {}", "barrett describe"))
     return table
+
+
+def _settings() -> list[Element]:
+    return [element for param in standard() if param.writable for element in param.each]
 
 
 def _sent(hand: BarrettHand, commands: Sequence[str]) -> tuple[Table, Mapping[str, int], Mapping[str, int]]:

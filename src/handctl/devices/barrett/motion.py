@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix
+from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix, split
 from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
@@ -245,6 +245,18 @@ def _before(
         if speeds and "SAMPLE" in at:
             slowest = max(slowest, travel_seconds(index, min(speeds), at["SAMPLE"]))
     return goals, slowest, {index: at["P"] for index, at in by_motor.items() if "P" in at}
+
+
+def refuse_typed_harm(hand: BarrettHand, line: str) -> None:
+    """`refuse_harm` for a GCL line as it is typed, before it is sent: a hand that would open too fast does so for whoever tells it to.
+
+    Asks the hand where the line is a movement that may open. Raises UsageError, NoAnswer, ProtocolError.
+    """
+    prefix, command, words = split(line)
+    if command is None or command.name not in VELOCITIES or not all(word.isdecimal() for word in words[:1]):
+        return
+    argument = int(words[0]) if words else None
+    _before(hand, command.name, argument, _indices(motor_prefix(prefix) if prefix else ""), force=False)
 
 
 def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> None:

@@ -1,4 +1,4 @@
-"""Small JSON files about hands in the user's state folder: last baud rate, EEPROM saves, greasing.
+"""Small JSON files about hands in the user's state folder: last baud rate, EEPROM saves, greasing, a download that was cut off.
 
 A hand keeps no record of its care; the host does, per serial number. And the speed at which each port's hand was found
 last: it saves the search, and nothing depends on it: a file that cannot be read or written is as good as none.
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 4_000_000
 NAME = "barrett-speeds.json"
+DOWNLOADS = "barrett-downloads.json"
 MOST = 64
 """Ports that are remembered, the latest last."""
 
@@ -59,7 +60,8 @@ def speed_of(name: str) -> int | None:
 
 
 def remember(link: ByteLink) -> None:
-    """This link's present speed is the hand's; 9600, which is tried first anyway, is forgotten."""
+    """This link's present speed is the hand's; 9600, which is tried first anyway, is forgotten. It has firmware, too."""
+    forget_download(link)
     if not _counts(link):
         return
     known = _speeds()
@@ -70,6 +72,50 @@ def remember(link: ByteLink) -> None:
         known[link.name] = link.baud
     with suppress(OutputError):  # the next connect looks again
         store(files.state_path(NAME), "baud rates", dict(list(known.items())[-MOST:]), sort=False)
+
+
+def note_download(link: ByteLink) -> None:
+    """A download into the hand on this link has begun: until it is over its firmware is incomplete, whatever becomes of this process."""
+    if _lasts(link):
+        _keep_download(link.name, {"told": False})
+
+
+def forget_download(link: ByteLink) -> None:
+    """The hand on this link has whole firmware."""
+    if is_half_loaded(link):
+        _keep_download(link.name, None)
+
+
+def is_half_loaded(link: ByteLink) -> bool:
+    """Whether a download into the hand on this link was begun and never ended, as far as is known."""
+    return _lasts(link) and link.name in _downloads()
+
+
+def holds_back(name: str) -> str:
+    """Why a stop of the hand at this LINK sends nothing, "" = it may. It is held back once: who asks again sees the hand move."""
+    entry = _downloads().get(name)
+    if entry is None or entry.get("told"):
+        return ""
+    _keep_download(name, {"told": True})
+    return "a firmware download was cut off here, so its boot monitor would take a stop for firmware, and moves nothing. The same command again sends the stop all the same"
+
+
+def _keep_download(name: str, entry: dict[str, bool] | None) -> None:
+    known = {other: found for other, found in _downloads().items() if other != name}
+    known |= {name: entry} if entry is not None else {}
+    with suppress(OutputError):
+        store(files.state_path(DOWNLOADS), "downloads", dict(list(known.items())[-MOST:]), sort=False)
+
+
+def _downloads() -> dict[str, Any]:
+    try:
+        return load(files.state_path(DOWNLOADS), "downloads", lambda entry: isinstance(entry, dict))
+    except UsageError:
+        return {}
+
+
+def _lasts(link: ByteLink) -> bool:
+    return not link.fake and not link.replayed
 
 
 def _counts(link: ByteLink) -> bool:

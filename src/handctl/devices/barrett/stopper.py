@@ -71,10 +71,9 @@ def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     stopped, turns = yield from _power_off(context, prefix)
     if stopped.error is not None:
         return stopped
-    look = _Look(turns, context)
-    looked, places = yield from check_standing(stopped, look.places, NOISE, strange=_unasked)
+    look = _Look([turn.speed for turn in reversed(turns)], context)
+    looked, places = yield from look.standing(stopped)
     if looked.error is not None:
-        looked = look.judge(stopped, looked)
         if not context.powered:
             return looked
         off = yield from power_off(context._replace(powered=False), prefix)
@@ -83,6 +82,12 @@ def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
     at = ", ".join(f"{motor} {place}" for motor, place in zip(MOTORS, places, strict=True))
     return stopped._replace(text=f"{text}. Positions: {at}")
+
+
+def stands(context: StopContext, stopped: Stopped) -> StopSequence:
+    """`stopped`, once the hand, at its prompt, was seen to stand still: whoever has ended a movement in another way than by `power_off`."""
+    looked, _ = yield from _Look([context.speed], context).standing(stopped)
+    return looked
 
 
 def _unasked(heard: Pieces) -> str:
@@ -94,8 +99,8 @@ def _unasked(heard: Pieces) -> str:
 class _Look:
     """Reads the positions of a hand that is at its prompt, and with `hold` which motors HOLD keeps powered."""
 
-    def __init__(self, turns: Sequence[StopAttempt], context: StopContext) -> None:
-        self._speeds = tuple(dict.fromkeys(turn.speed for turn in reversed(turns)))
+    def __init__(self, speeds: Sequence[int | None], context: StopContext) -> None:
+        self._speeds = tuple(dict.fromkeys(speeds))
         self._slow = context.settings.timeout or POWER_OFF
         self._sign = context.settings.own.get("position_sign", "")
         self._names = ("P HOLD", "P") if context.powered else ("P", "P")
@@ -120,12 +125,13 @@ class _Look:
                     return [with_sign(index, place, self._sign) for index, place in enumerate(places)]
         return None
 
-    def judge(self, stopped: Stopped, looked: Stopped) -> Stopped:
-        """What `looked` says of `stopped`, where the hand did reply, and not as it should."""
-        if looked.error is not NoAnswer or not self._came:
-            return looked
-        text = f"{stopped.text}. Its positions could not be read ({_shown(self._came)}), so it is not known whether it still moves"
-        return looked._replace(text=text, error=ProtocolError)
+    def standing(self, stopped: Stopped) -> Generator[StopStep, Pieces, tuple[Stopped, list[int]]]:
+        """See `check_standing`; a hand that did reply, and not as it should, is no silent one."""
+        looked, places = yield from check_standing(stopped, self.places, NOISE, strange=_unasked)
+        if looked.error is NoAnswer and self._came:
+            text = f"{stopped.text}. Its positions could not be read ({_shown(self._came)}), so it is not known whether it still moves"
+            looked = looked._replace(text=text, error=ProtocolError)
+        return looked, places
 
     @property
     def held(self) -> str:

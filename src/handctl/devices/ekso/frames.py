@@ -329,6 +329,20 @@ def _broken(view: bytes, fitting: list[tuple[str, int]]) -> ProtocolError:
     )
 
 
+def never_sent(data: bytes) -> str:
+    """What in `data` no EksoNR may receive, whoever sends it: a whole frame of the command that starts a movement; "" = nothing.
+
+    A frame has no start byte: it may begin anywhere, and by either convention of its length.
+    """
+    for at, byte in enumerate(data):
+        if byte != START_MOVEMENT or len(data) < at + OVERHEAD:
+            continue
+        ends = [at + OVERHEAD + data[at + 1] - more for more in LENGTH_MODES.values() if data[at + 1] >= more]
+        if any(end <= len(data) and crc(data[at:end]) == 0 for end in ends):
+            return f"command {START_MOVEMENT} of an EksoNR, which starts a movement"
+    return ""
+
+
 def sign(data: bytes) -> str:
     """What in `data` shows an EksoNR: a whole answer with a body and a good CRC."""
     decoder = Decoder()

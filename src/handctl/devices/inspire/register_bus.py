@@ -281,8 +281,12 @@ class RegisterBus(Line, ABC):
         """The id that `request` is for, this bus's own where it has none."""
 
     def pass_gate(self, request: bytes | CanFrame) -> None:
-        """Called with everything before it is sent. Raises NotIdentified before a first write to a stranger."""
+        """Called with everything before it is sent. Raises NotIdentified before a first write to a stranger, UsageError for what none may get."""
         if not self.only_reads(request):
+            if self.gate is not None and self.gate.assumed and isinstance(request, bytes):
+                from handctl.model.other_family_bytes import refuse_for_strangers
+
+                refuse_for_strangers(request)
             self.at(device_id=self.addressee(request)).identify()
 
     def count(self, request: bytes | CanFrame) -> None:

@@ -13,6 +13,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Firmware, Transfer
 from handctl.devices.barrett.gcl.codec import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.parameter_map import BARRETT
+from handctl.devices.barrett.state_files import forget_download, note_download
 from handctl.devices.barrett.status_and_parameter_views import row_of
 from handctl.errors import (
     Aftermath,
@@ -230,6 +231,7 @@ class Loader:
                 if number == 0:
                     self._judge_pace()
         self._guide.unstoppable = ""
+        forget_download(link)
         self._guide.done()
         self._guide.say(f"{self._sent} bytes sent and echoed in {link.now() - start:.1f} s.")
 
@@ -241,7 +243,9 @@ class Loader:
             if number == 0 and transfer.between:
                 self._listen_for_trigger(transfer)
             out = transfer.take()
-            self._begun = self._begun or (bool(out) and transfer.in_data)
+            if out and transfer.in_data and not self._begun:
+                self._begun = True
+                note_download(link)
             deadline = link.deadline(ECHO_SECONDS + self.hand.line.wire_seconds(len(out) + 1)).earlier(
                 self.hand.line.bound
             )

@@ -196,7 +196,8 @@ class GclLine(Line):
                     if stands
                     else f"^C was sent, but the hand did not reply: {OFF}"
                 )
-                error.add_aftermath(Aftermath(hint=told))
+                error.add_aftermath(Aftermath(hint=told, moving=True))
+                self.journal.counters.writes += 1  # set going, its end not seen: who drives it stops it, and looks
             raise error from (exc if error is not exc else None)
 
     def _stop_motors(self) -> bool:

@@ -10,12 +10,14 @@ from handctl.devices.barrett import eeprom_saves
 from handctl.devices.barrett.device import BarrettHand, check_line
 from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, Answer, encode, kind_of, split, whole
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
+from handctl.devices.barrett.motion import refuse_typed_harm
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import refuse_controls, state_path, unmarked
 from handctl.interrupts import reset_interrupts
 from handctl.model.param import Step
+from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table
 from handctl.model.stop_on_interrupt import interrupt_error
 from handctl.system import terminal
@@ -31,6 +33,7 @@ def saves(texts: Iterable[str]) -> bool:
     return any(kind_of(text) == "save" for text in texts)
 
 
+SILENT = Prompts()
 DELAY = "DELAY"
 MOST_MS = 600_000
 """The longest DELAY."""
@@ -75,8 +78,15 @@ def line_of(text: str, number: int = 0, *, force: bool = False) -> ScriptLine:
     return line._replace(wait=int(words[0]) / 1000)
 
 
-def run_all(hand: BarrettHand, commands: Iterable[ScriptLine], *, keep_going: bool) -> Table:
-    """Send commands one after the other; stops at the first error unless `keep_going`.
+def run_all(
+    hand: BarrettHand,
+    commands: Iterable[ScriptLine],
+    *,
+    keep_going: bool,
+    prompts: Prompts = SILENT,
+    force: bool = False,
+) -> Table:
+    """Send commands one after the other; stops at the first error unless `keep_going`, and without `force` before an opening that may harm.
 
     An answer that did not come, and Ctrl-C, also in a DELAY, end it in any case: what was carried out before is told all the same.
     """
@@ -90,8 +100,10 @@ def run_all(hand: BarrettHand, commands: Iterable[ScriptLine], *, keep_going: bo
                 if line.wait is not None:
                     hand.link.sleep(line.wait)
                     continue
+                if not force:
+                    refuse_typed_harm(hand, text)
                 guard.before(text)
-                answer = ask(hand, text)
+                answer = ask(hand, text, prompts)
             except KeyboardInterrupt:
                 lost = interrupt_error(hand.abort(), f"in {text}: ")
             except HandctlError as exc:
@@ -140,13 +152,14 @@ class DeathGuard:
         self._stack.close()
 
 
-def ask(hand: BarrettHand, text: str) -> Answer:
+def ask(hand: BarrettHand, text: str, prompts: Prompts) -> Answer:
     """One command once; the hand is looked for again after one that may have changed its speed.
 
-    When it has, the rest of the answer is unusable (dossier 1.2): the status is then taken for 0 once a prompt is found.
+    A movement whose reply does not come is stopped, and the hand is looked at. When it has, the rest of the answer is unusable (dossier 1.2): the status is then taken for 0 once a prompt is found.
     """
     if kind_of(text) != "speed":
-        return hand.line.ask(text)
+        with hand.stopped_by_error(hand.abort, prompts, "The hand"):
+            return hand.line.ask(text)
     hand.line.connect()
     before = hand.line.link.baud
     try:
@@ -261,7 +274,7 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None], 
         before(text)
         guard.before(text)
         ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if saves([text]) else None
-        answer = ask(hand, text)
+        answer = ask(hand, text, run.prompts)
         if ledger is not None and not answer.status:
             ledger.count_unknown()
         for line in answer.lines:

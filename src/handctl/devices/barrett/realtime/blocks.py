@@ -55,6 +55,7 @@ POSITIONS = ("position", "breakaway_position")
 UNITS = {"position": "cts", "delta": "cts", "breakaway_position": "cts"}
 LIMITS = {"velocity": (-127, 127), "gain": (0, 255)}
 """What is sent: the vendor sends -127 to 127 although a signed byte reaches -128 (dossier 6.3)."""
+CARRIAGE_RETURN = 0x0D
 
 
 class Selection(NamedTuple):
@@ -113,8 +114,7 @@ class Layout:
         block = bytearray(DATA_FEEDBACK if feedback else DATA_ONLY)
         for index, motor in self.motors.items():
             for name in motor.control:
-                value = check_control(name, values[index][name])
-                block.append(value & 0xFF)
+                block.append(as_sent(check_control(name, values[index][name])) & 0xFF)
         return bytes(block)
 
     def decode(self, block: bytes) -> Feedback:
@@ -159,6 +159,15 @@ def check_control(name: str, value: int) -> int:
             code="out-of-range",
         )
     return value
+
+
+def as_sent(value: int) -> int:
+    """The value that a block carries for this one: 12 for 13, whose byte is a carriage return.
+
+    A hand that has left its loop, by an error that is still on its way to us, takes a block for text: `43 0D` is the line C,
+    and closes all motors. A block without that byte ends no line.
+    """
+    return value - (value == CARRIAGE_RETURN)
 
 
 def still(values: Values) -> Values:

@@ -145,8 +145,9 @@ def add_realtime(group: Group) -> None:
         """Run the RealTime loop (LOOP), shown live or written as NDJSON or CSV.
 
         Without control values nothing moves. With them, each motor keeps its last velocity until the next block. However
-        the loop ends, handctl sends velocity 0, leaves the loop, switches the motors off (unless you give --hold), and
-        restores the loop parameters that it changed.
+        the loop ends, handctl sends velocity 0, leaves the loop, switches the motors off (unless you give --hold), reads the
+        positions twice, which must not change, and restores the loop parameters that it changed. A velocity or gain of 13 is sent as 12: its
+        byte ends a line of text, so a block with it could move a hand that has left the loop.
 
         GUARDS, all on while motors are driven: stall sends velocity 0 to a motor that has not moved for the time in
         TSTOP. window sends it to a motor that would leave the range 0 to CT. strain sends it to a motor whose strain is

@@ -17,9 +17,12 @@ from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Selection, Values, still
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.loop_flags import FlagRequest, asked_flags
-from handctl.errors import HandctlError, NoAnswer, ProtocolError
+from handctl.devices.barrett.stopper import power_off, stands
+from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.param import Element, Number, Step
+from handctl.model.stop_on_interrupt import NOT_STOPPED
+from handctl.model.stop_sequence import Stopped, run_stop
 from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
 ENTER_SECONDS = 1.5
@@ -49,6 +52,7 @@ class Session:
     undo        flags as they were
     mark        where the loop begins in the ledger of writes
     failure     what went wrong while leaving
+    moves       the same, where the hand was seen to move behind it, None = it was not
     dead_man    stops the hand when this process dies
     cycle       seconds from one block to the next as they were asked for, 0 = as soon as it may be
     """
@@ -61,6 +65,7 @@ class Session:
         self.last: Values = {}
         self.undo: list[tuple[Element, Number]] = []
         self.failure: HandctlError | None = None
+        self.moves: HandctlError | None = None
         self.dead_man: Guard | None = None
         self.cycle = 0.0
         self.mark = 0
@@ -125,16 +130,14 @@ class Session:
         self._tell_first((), LEAVING_SECONDS)  # at the prompt a control block would be text, perhaps a command
         self.hand.line.bound = None  # stopping has deadlines of its own
         moved = bool(self.last) or (self.asked and self.drives)
-        stands = False
+        stood = False
         try:
-            stands = self._go_out(moved)
+            stood = self._go_out(moved)
         except Exception as exc:  # noqa: BLE001 - one step that fails must not keep the next from stopping the motors
             self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
         try:
-            if moved and self.flag_request.hold and stands:
-                self.hand.journal.info("held", "velocity 0 was sent. The motors stay powered (--hold)")
-            elif moved:
-                self._power_off()
+            if moved:
+                self._stand(hold=self.flag_request.hold and stood)
         except Exception as exc:  # noqa: BLE001 - the same
             self._blame(exc, "switch the hand's power off if anything moves")
         if self.failure is not None:
@@ -148,36 +151,50 @@ class Session:
         self.last, self.undo = {}, []
         self.thrown_out = self.asked = self.stood = False  # once is enough
 
-    def _power_off(self) -> None:
-        answer = self.hand.line.ask(f"{self.flag_request.prefix}T")
-        if answer.status & ~NOT_INITIALIZED:
-            raise self.hand.refusal(answer)
-        why = ". --hold was ignored, because velocity 0 was not acknowledged" if self.flag_request.hold else ""
-        self.hand.journal.info(
-            "stopped", f"{self.flag_request.prefix}T was acknowledged: the motors are switched off{why}"
-        )
+    def _stand(self, *, hold: bool) -> None:
+        """Motor power off, or not with `hold`; then the hand is looked at as `stop` does. Raises what speaks against its standing still."""
+        hand, prefix = self.hand, self.flag_request.prefix
+        code, told = "held", "velocity 0 was sent. The motors stay powered (--hold)"
+        if not hold:
+            answer = hand.line.ask(f"{prefix}T")
+            if answer.status & ~NOT_INITIALIZED:
+                raise hand.refusal(answer)
+            why = ". --hold was ignored, because velocity 0 was not acknowledged" if self.flag_request.hold else ""
+            code, told = "stopped", f"{prefix}T was acknowledged: the motors are switched off{why}"
+        context = hand.stop_context()
+        looked = run_stop(hand.link, stands(context, Stopped(told)))
+        if looked.error is not None and hold:
+            off = run_stop(hand.link, power_off(context, prefix), ledger=hand.journal.ledger)
+            looked = looked._replace(text=f"{looked.text}. {off.text}", error=off.error)
+            code = "stopped"
+        if looked.error is not None:
+            error = looked.error(f"{hand.link.name}: {looked.text}", hint=looked.hint, code=NOT_STOPPED)
+            self.moves = error if looked.error is DeviceRefused else None
+            raise error
+        hand.journal.info(code, looked.text)
 
     def _go_out(self, moved: bool) -> bool:
         """Back to the prompt; whether the hand acknowledged velocity 0 on the way. Raises NoAnswer."""
         line = self.hand.line
-        stands = False
+        stood = False
         if self.inside:
             self.inside = False
-            stands = self.stand(LATE_SECONDS)
-            if stands:
+            stood = self.stand(LATE_SECONDS)
+            if stood:
                 self.hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
-            if not (stands and line.abort() is not None) and line.leave_loop() is not None:
+            left = self.thrown_out and moved
+            if not left and not (stood and line.abort() is not None) and line.leave_loop() is not None:
                 raise NoAnswer(
                     "no prompt after ^C, so the hand may still be in its loop",
                     hint="switch the hand's power off if anything moves",
                     code="loop",
                 )
-        elif self.thrown_out and moved:
+        if self.thrown_out and moved:
             # The rest of the refused block stands at the prompt as if typed, and may even be a command: ^C, CR,
             # and ^C again for what that CR may have begun.
             line.resynchronise(stop=True)
             line.abort()
-        return stands
+        return stood
 
     def stand(self, most: float = math.inf) -> bool:
         """Whether the hand took a last block of velocity 0 (or needs none) and now awaits a header.
@@ -190,10 +207,15 @@ class Session:
         try:
             for block in (None, self._zero()):
                 if block is not None:
+                    decoder.feed(line.link.read(self.hand.link.at_once))
+                    if decoder.received[:1] in (b"\n", b"\r"):  # an error or a prompt: the block would be text
+                        self.thrown_out = True
+                        return False
                     decoder.expect(False)
                     line.link.write(block, self.hand.link.deadline(1.0 + line.wire_seconds(len(block))))
                 while decoder.outstanding:
                     if isinstance(decoder.next(), LoopError):
+                        self.thrown_out = True
                         return False
                     if decoder.outstanding:
                         chunk = line.link.read(self.hand.link.deadline(min(self.patience, most)))

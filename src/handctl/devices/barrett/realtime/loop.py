@@ -24,6 +24,7 @@ from handctl.devices.barrett.realtime.blocks import (
     Feedback,
     LoopError,
     Values,
+    as_sent,
     still,
 )
 from handctl.devices.barrett.realtime.control_laws import Rules
@@ -44,9 +45,11 @@ from handctl.errors import (
     OutputError,
     ProtocolError,
     UsageError,
+    joined,
 )
 from handctl.model.prompts import Prompts
 from handctl.model.result import Sample
+from handctl.model.stop_on_interrupt import NOT_STOPPED
 
 READER_SECONDS = 0.3
 """Less than the child waits: this command tells best why nothing went out."""
@@ -73,7 +76,7 @@ class RealtimeLoop:
         self._guide = prompts
         self._sequential = sequential
         self._rules = rules
-        self._stepping = False
+        self._stepping = self._told_other = False
         self.intake = Intake(hand, flag_request, measuring=measuring)
 
     # -- the whole run -------------------------------------------------------------------------------------------
@@ -132,6 +135,7 @@ class RealtimeLoop:
                     yield sample
         except DeviceRefused as exc:
             self._leave()
+            self._raise_if_it_moves(exc)
             if self.failure is None:
                 self.hand.name_heat(exc)
             raise
@@ -144,8 +148,20 @@ class RealtimeLoop:
             if exc.code == "lost":  # no T can reach the hand either
                 session.last = {}
             raise
+        except (HandctlError, KeyboardInterrupt) as exc:
+            self._leave()
+            self._raise_if_it_moves(exc)
+            raise
         finally:
             self._leave()
+
+    def _raise_if_it_moves(self, exc: HandctlError | KeyboardInterrupt) -> None:
+        """Raise what is worse than `exc`: a hand that moves on, and after Ctrl-C anything that went wrong with the stop."""
+        if isinstance(exc, HandctlError) and self.session.moves is not None:
+            raise self.session.moves.reworded(joined(exc.text, self.session.moves.text)) from exc
+        if isinstance(exc, KeyboardInterrupt) and self.failure is not None:
+            text = f"interrupted, but the stop has not been confirmed: {self.failure.text}"
+            raise self.failure.reworded(text, code=NOT_STOPPED) from exc
 
     def _leave(self) -> None:
         with self._guide.without_interrupts():
@@ -285,8 +301,21 @@ class RealtimeLoop:
         """Nothing more comes where nothing was asked for: the block ended where it should. Raises ProtocolError."""
         decoder, line = self.session.decoder, self.hand.line
         decoder.feed(line.link.read(self.hand.link.deadline(PROOF_SECONDS)))
-        if decoder.received:
-            self._next_answer()
+        self._refuse_unasked()
+
+    def _refuse_unasked(self) -> None:
+        """Raise what bytes say that came although nothing was asked for: the hand has left its loop, or they cannot be told from an answer.
+
+        Nothing more may be sent then: at the prompt a block would be text.
+        """
+        decoder, line = self.session.decoder, self.hand.line
+        while decoder.received:
+            answer = self._next_answer()
+            if isinstance(answer, LoopError):
+                raise self._refused(answer)
+            if not (chunk := line.link.read(line.link.deadline(self.session.patience))):
+                raise self._silence()
+            decoder.feed(chunk)
 
     def _prove_last(self) -> None:
         """The last block: driving, velocity 0 is sent at once and its acknowledgement proves it. Raises ProtocolError."""
@@ -323,15 +352,16 @@ class RealtimeLoop:
         """One block, as the guards allow. Without `feedback` only its acknowledgement comes, which proves the block before. A Ctrl-C meanwhile waits until it is sent: leaving must know what is on the wire."""
         session = self.session
         feedback = feedback and session.layout.feedback_size > 1
-        if not session.decoder.outstanding and session.decoder.received:
-            self._next_answer()  # bytes that nobody asked for: what comes now could not be told apart
+        if not session.decoder.outstanding:
+            session.decoder.feed(self.hand.line.link.read(self.hand.link.at_once))
+            self._refuse_unasked()
         held: dict[int, str] = {}
         if controls is None:
             block = FEEDBACK_ONLY if feedback else NEITHER
         else:
             if self.intake.guards is not None:
                 values, held = self._allowed(self.intake.guards, values, now)
-            values = {index: dict(names) for index, names in values.items()}
+            values = self._as_sent(values)
             block = session.layout.control(values, feedback=feedback)
         with self._guide.count_interrupts() as presses:
             if controls is not None:
@@ -344,6 +374,17 @@ class RealtimeLoop:
         if presses.count:
             raise KeyboardInterrupt
         return Sent(now, values, held)
+
+    def _as_sent(self, values: Values) -> Values:
+        """The values as a block carries them; that one differs is told once."""
+        sent = {index: {name: as_sent(value) for name, value in names.items()} for index, names in values.items()}
+        if not self._told_other and sent != values:
+            self._told_other = True
+            self.hand.journal.info(
+                "sent-as-12",
+                "12 was sent in place of 13: the byte of 13 ends a line of text, so a block with it could move a hand that has left RealTime",
+            )
+        return sent
 
     def _allowed(self, guards: Guards, values: Values, now: float) -> tuple[Values, dict[int, str]]:
         try:
@@ -358,7 +399,6 @@ class RealtimeLoop:
         while True:
             answer = self._next_answer()
             if isinstance(answer, LoopError):
-                self.session.inside, self.session.thrown_out = False, True
                 raise self._refused(answer)
             if answer is not None:
                 self.hand.journal.counters.received += 1
@@ -408,6 +448,7 @@ class RealtimeLoop:
         )
 
     def _refused(self, error: LoopError) -> HandctlError:
+        self.session.inside, self.session.thrown_out = False, True
         answer = Answer(f"RealTime block {self.intake.answers + 1}", (), error.status, b"")
         if error.status:
             return self.hand.refusal(answer)
