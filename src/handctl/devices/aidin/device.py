@@ -10,12 +10,13 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
-from handctl.devices.aidin.json_codec import TERMINATORS, Out, encode
-from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, AidinParam, Mode, some
+from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, Out, encode
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, MODES, AidinParam, Mode, some
 from handctl.devices.aidin.stopper import ENDS, FLOWED, flow
-from handctl.errors import Aftermath, HandctlError, LinkError, ProtocolError
+from handctl.errors import Aftermath, HandctlError, Hint, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.device_clock import Moment
+from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Element, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
@@ -138,6 +139,22 @@ class AidinHand(Device):
             self.journal.info("homed-unknown", ALL_ZERO, REMEDIES["all-zero"].hint)
         return self.with_findings(table, unhealthy(table.rows), check)
 
+    # -- typed bytes ---------------------------------------------------------------------------------------------
+
+    def tell_left(self, data: bytes) -> None:
+        """See Device: the last mode stays in force."""
+        decoder = Decoder()
+        decoder.feed(data)
+        typed = [content.get("hand_mode") for content in frames_in(decoder)]
+        mode = next((mode for number in reversed(typed) for mode in Mode if mode == number), Mode.STOP)
+        if mode is Mode.STOP:
+            return
+        if mode in (Mode.BIAS, Mode.MAXTORQUE):
+            self.journal.info("left", left_in(mode), LEFT_HINT)
+            return
+        text = f"mode {int(mode)} ({MODES[mode]}) was sent last, and no stop, so the hand probably goes on with it"
+        self.journal.warn("left", text, Hint("{} switches the motors off and frees the fingers", "aidin stop"))
+
 
 def param_of(element: Element) -> AidinParam:
     """The element's parameter, as one of this family."""
@@ -238,6 +255,14 @@ def object_of(mode: Mode, **data: Out) -> bytes:
 def step_of(meaning: str, data: bytes, end: bytes) -> Step:
     """A command for --dry-run: what it does with the object in words, and its bytes with their terminator."""
     return Step(f"{meaning}: {data.decode()}", data + end, moves=True)
+
+
+LEFT_HINT = Hint("use `handctl aidin joints …` to hold a position again, or {} to free the fingers", "aidin stop")
+
+
+def left_in(mode: Mode) -> str:
+    """What the hand is left in by a mode that ended another one; the manual says nothing of it (dossier 5)."""
+    return f"the hand is left in mode {int(mode)}. It is not documented whether it keeps holding its position"
 
 
 @contextmanager

@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from handctl.devices.aidin.device import (
+    LEFT_HINT,
     AidinHand,
     in_force,
+    left_in,
     object_of,
     outside,
     reading,
@@ -464,12 +466,6 @@ NOISE = 4.0
 USUAL = 3.0
 """It may change so many times more than the median of its kind, the forces or the torques."""
 SENSOR_STATE = AIDIN["sensor_state"]
-LEFT_HINT = Hint("use `handctl aidin joints …` to hold a position again, or {} to free the fingers", "aidin stop")
-
-
-def left_in(mode: Mode) -> str:
-    """What the hand is left in by a mode that ended another one; the manual says nothing of it (dossier 5)."""
-    return f"the hand is left in mode {int(mode)}. It is not documented whether it keeps holding its position"
 
 
 def bias(hand: AidinHand) -> Table:
