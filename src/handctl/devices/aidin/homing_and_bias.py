@@ -36,7 +36,7 @@ from handctl.devices.aidin.parameter_map import (
     stroke,
 )
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
-from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
+from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError, joined
 from handctl.families import FAMILIES
 from handctl.model.param import Number, elements_of
 from handctl.model.prompts import CTRL_C, Prompts
@@ -58,6 +58,12 @@ WAY = (
     Column("verdict", "Verdict"),
 )
 LEFT = "the hand was left in homing mode, and no stop was sent"
+NOT_ZEROED = "a motor that is not at 0 either has no origin yet or moved on after it was set, so nothing shows what it counts from"
+ZEROED_THERE = (
+    "the hand set the other motors to 0 where they came to rest, so if that was not the open stop, their targets are off by the "
+    "difference"
+)
+AGAIN = "free any blocked finger and home again before you move the hand"
 GOES_ON = "no stop was sent, so the hand probably continues to its origin. `handctl aidin stop` frees it"
 
 
@@ -259,11 +265,12 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
     table.columns = (*hand.columns, *WAY)
     table.view = by_motor
     against = [way for way in ways if way.verdict.speaks_against]
+    off = [way for way in against if way.verdict is Verdict.OFF]
     unproven = [way for way in ways if way.verdict is Verdict.UNPROVEN]
     if against:
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(against)}: {_told(against)}",
-            hint=f"{LEFT}. It set these motors to 0 where they came to rest, so if that was not the open stop, their targets are off by the difference. Free any blocked finger and home again",
+            hint=joined(LEFT, NOT_ZEROED if off else "", ZEROED_THERE if len(off) < len(against) else "", AGAIN),
             code="not-homed",
         )
     elif unproven:
