@@ -124,6 +124,11 @@ def refuse_controls(text: str) -> None:
             )
 
 
+def as_text(text: str) -> str:
+    """The same as text that every file and stream can hold: what stands for a byte that is no UTF-8 becomes U+FFFD."""
+    return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
+
+
 def unmarked(lines: Iterable[str]) -> Iterator[str]:
     """The same lines, the first one without a byte order mark: stdin and pipes, where `read_text` doesn't read them."""
     rest = iter(lines)

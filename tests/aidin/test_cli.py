@@ -11,6 +11,7 @@ import pytest
 
 from handctl.link import tcp
 from tests.support.cli import Result, Simulator, run, sent
+from tests.support.each_row import each_row
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
 KEYS = {"motor_pos": 15, "joint_pos": 20, "task_space_pos": 15, "current_state": 15, "sensor_state": 30}
@@ -292,3 +293,24 @@ def test_what_is_out_of_range_has_a_star() -> None:
     lines = lines_of("status", link=fake(fault="degrees"))
     assert all(value.endswith("*") for value in lines["q3"][:5]) and not lines["m1"][0].endswith("*")
     assert lines["*"] == ["out", "of", "its", "documented", "range"]
+
+
+CURRENTS_ON = '{"hand_mode":41,"hand_TT_cmd":[100,0,0,0,0,0,0,0,0,0,0,0,0,0,0]}'
+
+
+@each_row(
+    "name, lines, level",
+    lambda: [
+        ("currents", [CURRENTS_ON], "warning"),
+        ("currents, and a request", [CURRENTS_ON, "{}"], "warning"),
+        ("a target, then the maximum torque", ['{"hand_mode":2}', '{"hand_mode":5,"maxtorque":700}'], "info"),
+        ("currents, then a stop", [CURRENTS_ON, '{"hand_mode":3}'], None),
+        ("a mode that is none", ['{"hand_mode":[1]}'], None),
+        ("a request", ["{}"], None),
+    ],
+)
+def test_a_terminal_tells_what_goes_on_behind_its_end(name: str, lines: list[str], level: str | None) -> None:
+    result = aidin("terminal", *lines, "--yes")
+    found = [message for message in result.json["messages"] if message["code"] == "left"]
+    assert [message["level"] for message in found] == ([level] if level else []), name
+    assert all(message["hint"] for message in found)

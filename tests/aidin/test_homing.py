@@ -6,8 +6,12 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.aidin.homing_and_bias import Travel, Verdict, stroke
+from handctl.devices.aidin.homing_and_bias import NOT_ZEROED, ZEROED_THERE, Travel, Verdict, stroke
+from handctl.devices.aidin.homing_and_bias import home as drive_home
+from handctl.model.prompts import Prompts
+from tests.aidin.support import Streamer, feedback, hand_on, line
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 
 ALL = 15
 
@@ -140,3 +144,30 @@ def _travel(*places: tuple[float, int]) -> Verdict:
 )  # fmt: skip
 def test_verdicts(places: list[tuple[float, int]], verdict: Verdict) -> None:
     assert _travel(*places) is verdict
+
+
+@each_row(
+    "name, rest, told, not_told",
+    lambda: [
+        ("none is at 0", [153565] * ALL, NOT_ZEROED, ZEROED_THERE),
+        ("one is not at 0, and one gave a little", [153565, *[0] * (ALL - 1)], ZEROED_THERE, ""),
+        ("one gave a little", [0] * ALL, ZEROED_THERE, NOT_ZEROED),
+    ],
+)
+def test_only_a_motor_that_is_at_0_was_set_to_0_where_it_rested(
+    name: str, rest: list[int], told: str, not_told: str
+) -> None:
+    """A slow hand goes on opening; what it shows then is neither 0 nor where it rested."""
+    way = [280000, 280000, 210000, *[440000, 440000, 170000] * 4]
+    begin = [way[0] // 2, way[1] // 4, *way[2:]]  # the thumb's m2 never moves, the others go their whole way
+
+    def content(t: float) -> dict[str, object]:
+        places = [round(full - min(t, 2.5) / 2.5 * full) for full in begin]
+        places[1] = begin[1]
+        return feedback(motor_pos=rest if t > 3.4 else places, current_state=[0] * ALL)
+
+    table = drive_home(hand_on(Streamer(lambda t: line(content(t)))), Prompts())
+    assert table.failure is not None and table.failure.code == "not-homed", name
+    hint = table.failure.hint.casefold()
+    assert told in hint, (name, hint)
+    assert not not_told or not_told not in hint, (name, hint)

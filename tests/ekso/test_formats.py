@@ -12,15 +12,17 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from statistics import linear_regression
 from typing import Any
 
 import pytest
 
+from handctl.command.log_command import _first
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.model.device_clock import Moment
-from handctl.record.marks import Heard
+from handctl.record.marks import Heard, Marks
 from handctl.record.row_source import Sample
 from tests.ekso.recordings import STANDING, Device, opened, words_at
 from tests.support.cli import Result, run
@@ -432,6 +434,33 @@ def test_a_sidecar_of_another_shape_is_refused(log: Path, edit: dict[str, Any]) 
         done = run("ekso", *args, "--json")
         assert (done.code, done.error["code"]) == (2, "damaged-log"), edit
     assert not log.with_name("x.out").exists()
+
+
+NO_UTF8 = "caf\udce9"
+"""The mark of older recordings: a line on standard input with a byte that is no UTF-8."""
+
+
+def test_a_mark_with_a_byte_that_is_no_utf8_is_read(log: Path) -> None:
+    heard = {"text": NO_UTF8, "host_utc_s": None, "host_mono_s": None, "by": "line"}
+    _edit(log, marks=[{"row": 31, "boot_ms": None, "t_s": None, "text": "caf", "heard": [heard]}])
+    assert b"udce9" in Path(f"{log}.json").read_bytes()
+    assert run("ekso", "log", "--check", log).code == 0
+    out, _ = exported(log, "bids")
+    assert all("\udce9" not in path.read_text(encoding="utf-8") for path in out.rglob("*.tsv"))
+
+
+@each_row("by", ["option", "key", "line", "udp", "lsl"])
+def test_each_way_keeps_a_mark_that_is_no_utf8_as_text(by: str) -> None:
+    """A datagram is decoded byte by byte; the others have what the system made of the byte."""
+    with closing(Marks(lambda: NO_UTF8 if by == "key" else "")) as marks:
+        if by in ("udp", "line"):
+            marks.hear(
+                NO_UTF8.encode("utf-8", "surrogateescape").decode("utf-8", "replace") if by == "udp" else NO_UTF8, by
+            )
+        elif by == "lsl":
+            marks.put(Heard(NO_UTF8, 1.0, 1.0, by))
+        (mark,) = _first(NO_UTF8 if by == "option" else "", marks.take)()
+    assert mark.text == "caf\ufffd" and mark.as_row()["text"].encode("utf-8")
 
 
 @each_row("seconds", [-2.0, 1e10])

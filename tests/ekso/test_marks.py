@@ -63,3 +63,27 @@ def test_a_mark_is_within_a_sample_of_its_row(tmp_path: Path) -> None:
     rows = [line.split(",") for line in path.read_text().splitlines()]
     at = float(rows[mark["row"]][rows[0].index("host_mono_s")])
     assert (mark["text"], heard["by"]) == ("go", "line") and 0 <= at - heard["host_mono_s"] < 0.5
+
+
+def test_a_byte_that_is_no_utf8_spoils_no_recording(tmp_path: Path) -> None:
+    path = tmp_path / "w.csv"
+    with Simulator("--pty", kind="ekso") as simulator:
+        done = run(
+            "ekso",
+            "log",
+            path,
+            "--mark",
+            "a\udcff",
+            "--mark-stdin",
+            "--duration",
+            "0.5",
+            "-p",
+            simulator.link,
+            stdin="caf\udce9\n",
+        )
+    assert done.code == 0, done
+    content = Path(f"{path}.json").read_bytes()
+    assert b"\\ud" not in content and {
+        one["text"] for mark in json.loads(content)["marks"] for one in mark["heard"]
+    } >= {"caf\ufffd"}
+    assert run("ekso", "log", "--check", path).code == 0

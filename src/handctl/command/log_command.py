@@ -17,6 +17,7 @@ from handctl import __version__
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
 from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
+from handctl.files import as_text
 from handctl.model.device_clock import Moment
 from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table, name_of
@@ -197,7 +198,7 @@ def _reopen(run: Run) -> bool:
 
 def _first(text: str, came: Callable[[], Sequence[Heard]]) -> Callable[[], Sequence[Heard]]:
     """Marks: `text` for the first row, then what comes."""
-    waiting = [Heard(text)] if text else []
+    waiting = [Heard(as_text(text))] if text else []
     return lambda: [*(waiting.pop() for _ in range(len(waiting))), *came()]
 
 

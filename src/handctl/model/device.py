@@ -544,6 +544,9 @@ class Device(ABC):
         """Called before typed bytes that may write are sent. Raises NotIdentified."""
         self.identify()
 
+    def tell_left(self, data: bytes) -> None:  # noqa: B027 - most devices end by themselves what they were told
+        """Tell what goes on behind the end of a terminal in which this `data` was sent, and nothing has stopped the device since."""
+
     # -- writing -------------------------------------------------------------------------------------------------
 
     def will_move(self) -> None:

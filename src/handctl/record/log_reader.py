@@ -19,7 +19,7 @@ from math import isfinite, nan
 from typing import Any, BinaryIO, NamedTuple
 
 from handctl.errors import Hint, UsageError
-from handctl.files import NoFile, opened, read_text
+from handctl.files import NoFile, as_text, opened, read_text
 from handctl.record.csv_and_sidecar import schema
 from handctl.record.csv_columns import MARK, lead
 from handctl.wording import plural
@@ -510,6 +510,8 @@ def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
         text = read_text(path, "a sidecar", 16_000_000)
         content = json.loads(text)
         if "\\u" in text:
+            if isinstance(content, dict) and "marks" in content:  # older ones may have bytes there that are no UTF-8
+                content["marks"] = json.loads(as_text(json.dumps(content["marks"], ensure_ascii=False)))
             json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
     except NoFile:
         return None

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple, TextIO
 
 from handctl.errors import LinkError
-from handctl.files import unmarked
+from handctl.files import as_text, unmarked
 from handctl.system import clock
 
 LONGEST = 200
@@ -57,7 +57,7 @@ class Marks:
 
     def put(self, mark: Heard) -> None:
         """A mark with its own time."""
-        if text := mark.text.strip()[:LONGEST]:
+        if text := as_text(mark.text).strip()[:LONGEST]:
             self._came.put(mark._replace(text=text))
 
     def take(self) -> Sequence[Heard]:

@@ -138,6 +138,7 @@ class Conversation:
         self.told: list[TranscriptRow] = []
         self._last: float | None = None
         self._checking = False
+        self._moved = b""  # what was sent since the first line that moves something
         self._stack = ExitStack()
         self.link: Link = run.open_link()
         self._start = self.link.now()
@@ -203,6 +204,7 @@ class Conversation:
             link.send(CanFrame(step.can_id or 0, step.data), deadline)
         else:
             link.write(step.data, deadline)  # type: ignore[attr-defined]
+        self._moved += step.data if run.journal.drives else b""
 
     def hear(self) -> None:
         """Until nothing has come for the wait; longer while a reply is missing. Raises LinkError."""
@@ -245,8 +247,10 @@ class Conversation:
     def __enter__(self) -> Conversation:
         return self
 
-    def __exit__(self, *exc: Any) -> bool | None:
-        return self._stack.__exit__(*exc)
+    def __exit__(self, kind: type[BaseException] | None, *exc: Any) -> bool | None:
+        if self._moved and (kind is None or issubclass(kind, HandctlError)):  # Ctrl-C has stopped it
+            self._run.device().tell_left(self._moved)
+        return self._stack.__exit__(kind, *exc)
 
 
 # -- the command ------------------------------------------------------------------------------------------------------

@@ -12,8 +12,10 @@ from dataclasses import dataclass, replace
 from enum import Enum
 
 from handctl.devices.aidin.device import (
+    LEFT_HINT,
     AidinHand,
     in_force,
+    left_in,
     object_of,
     outside,
     reading,
@@ -34,11 +36,12 @@ from handctl.devices.aidin.parameter_map import (
     stroke,
 )
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
-from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError
+from handctl.errors import Aftermath, CheckFailed, Hint, Interrupted, NoAnswer, UsageError, joined
 from handctl.families import FAMILIES
 from handctl.model.param import Number
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.stop_on_interrupt import on_early_end
 
 HOLD = 3.5
 """Seconds of homing: the documented 3 and a reserve."""
@@ -56,6 +59,10 @@ WAY = (
     Column("verdict", "Verdict"),
 )
 LEFT = "the hand was left in homing mode, and no stop was sent"
+NOT_ZEROED = "a motor that is not at 0 either has no origin yet or moved on after it was set, so nothing shows what it counts from"
+ZEROED_THERE = (
+    "motors to 0 where they came to rest, so if that was not the open stop, their targets are off by the difference"
+)
 GOES_ON = "no stop was sent, so the hand probably continues to its origin. `handctl aidin stop` frees it"
 
 
@@ -257,11 +264,14 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
     table.columns = (*hand.columns, *WAY)
     table.view = by_motor
     against = [way for way in ways if way.verdict.speaks_against]
+    off = [way for way in against if way.verdict is Verdict.OFF]
     unproven = [way for way in ways if way.verdict is Verdict.UNPROVEN]
     if against:
+        not_zeroed = NOT_ZEROED if off else ""
+        zeroed = f"it set {'the other' if off else 'these'} {ZEROED_THERE}" if len(off) < len(against) else ""
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(against)}: {_told(against)}",
-            hint=f"{LEFT}. It set these motors to 0 where they came to rest, so if that was not the open stop, their targets are off by the difference. Free any blocked finger and home again",
+            hint=joined(LEFT, not_zeroed, zeroed, "free any blocked finger and home again"),
             code="not-homed",
         )
     elif unproven:
@@ -462,12 +472,6 @@ NOISE = 4.0
 USUAL = 3.0
 """It may change so many times more than the median of its kind, the forces or the torques."""
 SENSOR_STATE = AIDIN["sensor_state"]
-LEFT_HINT = Hint("use `handctl aidin joints …` to hold a position again, or {} to free the fingers", "aidin stop")
-
-
-def left_in(mode: Mode) -> str:
-    """What the hand is left in by a mode that ended another one; the manual says nothing of it (dossier 5)."""
-    return f"the hand is left in mode {int(mode)}. It is not documented whether it keeps holding its position"
 
 
 def bias(hand: AidinHand) -> Table:
@@ -489,7 +493,9 @@ def bias(hand: AidinHand) -> Table:
     ledger = hand.journal.ledger
     begun = ledger.mark
     sent = "the sensor bias was sent, so any load on the fingertips may read as 0 from now on"
-    with in_force(f"{sent}; {left_in(Mode.BIAS)}", moving=False):
+    left = f"{sent}; {left_in(Mode.BIAS)}"
+    stops = stopped_on_error(hand, Prompts(), ImplausibleFeedback, otherwise=left)  # nothing is shown meanwhile
+    with conversation.guarded(leaps=False), on_early_end(Aftermath(hint=left), by=Interrupted), stops:
         data, end = object_of(Mode.BIAS), conversation.deadline(BIAS_SECONDS)
         while not end.expired:
             conversation.tick(data)
@@ -499,6 +505,7 @@ def bias(hand: AidinHand) -> Table:
         while worse and not end.expired:
             hand.link.sleep(AT_REST)
             table, worse = _compared(hand, before, earlier)
+        conversation.check_plausible()
     hand.journal.info("left", left_in(Mode.BIAS), LEFT_HINT)
     if worse and table.failure is None:
         table.failure = CheckFailed(
