@@ -13,6 +13,7 @@ from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.errors import HandctlError
 from handctl.link import transcript
 from handctl.link.fake import FakeLink
+from handctl.stop import stop_listener
 from handctl.stop.device_access import DeviceAccess
 from handctl.stop.stop_listener import StopListener
 from tests.barrett.commands import fake
@@ -46,6 +47,12 @@ class Peer:
     def send(self, data: bytes) -> None:
         self.heard.append(data)
 
+    def settimeout(self, seconds: float) -> None:
+        """It has said all that it says."""
+
+    def recv(self, size: int) -> bytes:
+        return b""
+
     def close(self) -> None:
         """Nothing to release."""
 
@@ -71,9 +78,10 @@ class Moment:
 
         def kept(access: DeviceAccess, link: Any) -> None:
             self.listener = StopListener.__new__(StopListener)
-            self.listener._answer = lambda: access.stop("stopped by a test")
+            self.listener._answer = lambda _meant: access.stop("stopped by a test")
             self.listener._after, self.listener._busy, self.listener._peers = access.end, False, []
             self.listener._door = Door(self.peer)  # type: ignore[assignment]
+            monkeypatch.setattr(stop_listener, "_open", [self.listener])
             around(access, link)
 
         def written(link: FakeLink, data: bytes, deadline: Any) -> None:

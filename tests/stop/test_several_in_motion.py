@@ -190,7 +190,9 @@ class Waiting:
 
     def __init__(self) -> None:
         self.said: list[bytes] = []
-        self._waits = [SimpleNamespace(send=self.said.append, close=lambda: None)]
+        self._waits = [
+            SimpleNamespace(send=self.said.append, close=lambda: None, settimeout=lambda _: None, recv=lambda _: b"")
+        ]
 
     def accept(self) -> Any:
         if not self._waits:
@@ -202,7 +204,7 @@ def test_who_wishes_for_the_stop_of_another_link_is_heard_before_the_first_is_st
     """A stop may take longer than the patience of the other one, who would end this process by force then."""
     doors, heard, ended = [Waiting(), Waiting()], list[int](), list[str]()
 
-    def answer() -> dict[str, Any]:
+    def answer(_meant: list[str]) -> dict[str, Any]:
         heard.append(sum(door.said == [b"heard\n"] for door in doors))
         return {}
 
