@@ -282,7 +282,7 @@ ROWS = (
         "a stop is missing from what was written",
         "handctl.command.run",
         "Run.remember",
-        "if not self.remembered and (self.journal.ledger.began or self.stopped is not None):",
+        "if not self.remembered and (self.journal.ledger.began or stopped is not None):",
         "if not self.remembered and self.journal.ledger.began:",
         "tests/tools/test_history.py::test_the_stop_of_a_command_that_reads_is_there",
     ),
