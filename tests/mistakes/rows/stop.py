@@ -289,7 +289,7 @@ ROWS = (
         "evidence believed",
         "handctl.devices.aidin.stopper",
         "stop_steps",
-        "since_then, seen = _told(decoder, (yield from silence()))",
+        "since_then, seen = feedback.take((yield from silence()))",
         "since_then, seen = [], []",
         MATRIX,
     ),

@@ -10,9 +10,10 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 
 from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
+from handctl.devices.aidin.feedback_guard import NO_NOISE, OBJECTS, OLD
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, Out, encode
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, MODES, AidinParam, Mode, some
-from handctl.devices.aidin.stopper import ENDS, FLOWED, flow
+from handctl.devices.aidin.stopper import ENDS, FLOWED, PAUSE, flow
 from handctl.errors import Aftermath, HandctlError, Hint, LinkError, ProtocolError
 from handctl.model.device import Device
 from handctl.model.device_clock import Moment
@@ -22,6 +23,7 @@ from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
 from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
 from handctl.model.stop_sequence import StopContext, Stopped
+from handctl.wording import plural
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -63,11 +65,11 @@ class AidinHand(Device):
         self.conversation.identify()
 
     def stop_context(self) -> StopContext:
-        """What ends an object is known, whether the last feedback showed a current, and what that shows."""
+        """What ends an object is known, whether the last feedback showed a current, what that shows, and the noise of the sensors."""
         context = super().stop_context()
         end = next(name for name, data in TERMINATORS.items() if data == self.conversation.way.end)
         currents = self.conversation.feedback.values.get("current_state", (0,))
-        own = {"tx_terminator": end, FLOWED: flow(currents), ENDS: self.ends}
+        own = {"tx_terminator": end, FLOWED: flow(currents), ENDS: self.ends, PAUSE: self.conversation.live.pause}
         return context._replace(settings=context.settings._replace(own=own))
 
     # -- reading -------------------------------------------------------------------------------------------------
@@ -132,12 +134,32 @@ class AidinHand(Device):
         self.conversation.look_again()
         how = "streams" if self.conversation.exchange is ExchangeMode.STREAM else "replies to requests"
         self.journal.info("exchange", f"the hand {how}")
+        found = unhealthy(table.rows)
+        if check:
+            state, evidence = self.liveness()
+            if state == "fail":
+                found.append(Finding(evidence, ("frozen",)))
+            elif state == "skipped":
+                self.journal.info("unchanged", evidence)
         encoders = [row.get("value") for row in table.rows if row["name"] == "motor_pos"]
         if encoders and not any(encoders):
             from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 
             self.journal.info("homed-unknown", ALL_ZERO, REMEDIES["all-zero"].hint)
-        return self.with_findings(table, unhealthy(table.rows), check)
+        return self.with_findings(table, found, check)
+
+    def liveness(self) -> tuple[str, str]:
+        """Look whether the feedback still changes, as a check has it: it does, it has frozen (fail), or nothing shows which; and the evidence."""
+        from handctl.model.check_rows import FAIL, OK, SKIPPED
+
+        changes, live = self.conversation.watch(), self.conversation.live
+        if changes:
+            return OK, "the values of the feedback change"
+        if stands := live.frozen(self.conversation.feedback_at):
+            return FAIL, f"the feedback has frozen: for {stands:.1f} s {OLD}"
+        if live.same < OBJECTS:
+            return SKIPPED, f"feedback comes too seldom to see whether it changes: {plural(live.same + 1, 'message')}"
+        return SKIPPED, f"in {plural(live.same + 1, 'message')} {OLD}: {NO_NOISE}"
 
     # -- typed bytes ---------------------------------------------------------------------------------------------
 

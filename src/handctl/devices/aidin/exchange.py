@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from math import inf
 from typing import Any
 
 from handctl.devices.aidin import exchange_settings as table
 from handctl.devices.aidin.exchange_settings import FIND_OUT, PERIOD, ExchangeMode, ExchangeSettings
-from handctl.devices.aidin.feedback_guard import FeedbackGuard
+from handctl.devices.aidin.feedback_guard import FeedbackGuard, Liveness
 from handctl.devices.aidin.json_codec import RECORD_BYTES, Decoder, MalformedObject, WrongNumbers, numbers
 from handctl.devices.aidin.parameter_map import FEEDBACK, AidinParam
-from handctl.errors import HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
+from handctl.errors import Aftermath, HandctlError, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline
 from handctl.model.device import OTHER_FORM, Gate, Line
@@ -157,6 +158,8 @@ CYCLES = 3
 """A key that is missing or wrong so many times running is given up."""
 
 
+WATCHED = 1.2
+"""Seconds in which feedback that has frozen shows itself (see `Liveness.frozen`)."""
 SILENCE = 1.0
 WRITE_SECONDS = 1.0
 BAD_IN_A_ROW = 3
@@ -189,6 +192,7 @@ class Conversation(Line):
         self.quality = KeyErrors()
         journal.counters.keys = self.quality.keys
         self.feedback = Feedback(self.quality)
+        self.live = Liveness()
         self.guard: FeedbackGuard | None = None
         """What watches the feedback while the hand is driven."""
         self._shown: tuple[str, ...] = ()  # the keys of which `feedback` was shown
@@ -401,11 +405,19 @@ class Conversation(Line):
     # -- one object a period --------------------------------------------------------------------------------------
 
     @contextmanager
-    def guarded(self) -> Iterator[None]:
-        """Around a movement: `tick` raises ImplausibleFeedback when the encoders leap or the feedback has frozen."""
-        self.guard = FeedbackGuard()
-        self.guard.note(self.link.name, self.feedback_at, self._good_of(ALL))
+    def guarded(self, *, leaps: bool = True) -> Iterator[None]:
+        """Around a movement: `tick` raises ImplausibleFeedback when the encoders leap or the feedback has frozen.
+
+        Raises it before the movement where the feedback has frozen already: a hand that is not driven yet is not stopped.
+        Without `leaps` the hand drives no motor, so the encoders may leap.
+        """
+        self.guard = FeedbackGuard(self.live, self.feedback_at, self._good_of(ALL))
+        self.guard.sets_origin = inf if leaps else -inf
         try:
+            self.guard.check_frozen(self.link.name, self.feedback_at)
+            if self.guard.fault is not None:
+                self.guard.fault.add_aftermath(Aftermath(behind="Nothing was commanded."))
+            self.check_plausible()
             yield
         finally:
             self.guard = None
@@ -414,7 +426,8 @@ class Conversation(Line):
         values, errors = self.feedback.values, self.feedback.errors
         return {key: values[key] for key in keys if key in values and key not in errors}
 
-    def _check_plausible(self) -> None:
+    def check_plausible(self) -> None:
+        """Raise ImplausibleFeedback where the hand is `guarded` and the feedback cannot be that of a hand that is driven."""
         if self.guard is not None and self.guard.fault is not None:
             raise self.guard.fault
 
@@ -428,8 +441,9 @@ class Conversation(Line):
         self.check_bound()
         if self.exchange is ExchangeMode.STREAM:
             self.drain()
-        self._check_plausible()
+        self.check_plausible()
         start, end = self.link.now(), self.deadline(PERIOD)
+        self.journal.counters.writes += 1
         self.send(data)
         waits = self.exchange in (ExchangeMode.POLL, ExchangeMode.COMMAND)
         answer = self.deadline(min(POLL, self.poll_seconds)) if waits else end
@@ -441,7 +455,7 @@ class Conversation(Line):
         if answered and self.exchange is ExchangeMode.UNKNOWN:
             self.exchange = ExchangeMode.COMMAND
         self._unanswered = 0 if answered else self._unanswered + 1
-        self._check_plausible()
+        self.check_plausible()
         silent = self._unanswered > self.retries if waits else start - self.feedback_at > (self._patience)
         if silent and not blind:
             self.check_bound()
@@ -461,6 +475,22 @@ class Conversation(Line):
         if missing or self.feedback.wrong.get(key, 0) >= CYCLES:
             wrong = self.feedback.errors.get(key)
             self.usable(param, wrong or ProtocolError("the hand no longer sends it", code="missing-key"))
+
+    def watch(self) -> bool:
+        """Take feedback until a value changes, for as long as it takes to see that it has frozen. Whether one did; raises as `refresh` does."""
+        before, end = self.live.changes, self.deadline(WATCHED)
+        shown, self.feedback = self.feedback, Feedback()  # these are no readings, of which some are passed over
+        try:
+            while self.live.changes == before and not end.expired:
+                if self.exchange is ExchangeMode.STREAM:
+                    self._receive(end)
+                else:
+                    self.send(self.way.poll)
+                    self._answer(self.poll_seconds)
+                    self.pause(PERIOD)
+        finally:
+            self.feedback = shown
+        return self.live.changes > before
 
     def check_answered(self) -> None:
         """Look again where the last object was not answered within its period. Raises as `refresh` does."""
@@ -522,6 +552,8 @@ class Conversation(Line):
         self._good.update(dict.fromkeys(good, self.feedback_at))
         if self.guard is not None:
             self.guard.note(self.link.name, self.feedback_at, good)
+        else:
+            self.live.note(self.feedback_at, good)
         self._note_unknown(content)
         return True
 

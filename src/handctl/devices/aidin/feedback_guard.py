@@ -1,4 +1,4 @@
-"""Check the feedback of an AIDIN-hand that is being driven: encoders that leap, and values that have frozen.
+"""Check the feedback of an AIDIN-hand that is being driven or stopped: encoders that leap, and values that have frozen.
 
 The encoders are incremental: a brown-out sets them to 0 wherever the fingers are (aidin, Modes: homing). A target is an absolute
 count, so the hand would drive every finger too far by the counts that were lost. Nothing in the feedback says so, but no motor
@@ -10,7 +10,7 @@ it is the noise of the fingertip sensors: where it was there before and nothing 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import degrees, inf
 
 from handctl.devices.aidin.parameter_map import AIDIN, LARGEST_RADIAN, AidinParam, some
@@ -30,8 +30,12 @@ FROZEN = 0.5
 """Seconds in which nothing changes, at least."""
 OBJECTS = 5
 """Objects with the sensors that come meanwhile, at least; and changes of the sensors before that show their noise."""
-NOISY = 5.0
-"""So many times longer than the sensors ever stood still before."""
+SCARCE = 2
+"""So many times longer where fewer changes were seen: each object differed from the one before it, but there were only a few."""
+NOISY = 5
+"""So many times more objects than the sensors ever stood still for before."""
+NO_NOISE = "either the sensors of this hand have none, or it repeats old feedback"
+OLD = "no value has changed, not even the noise of the sensors"
 POSITIONS = (AIDIN["motor_pos"], AIDIN["joint_pos"], AIDIN["task_space_pos"])
 MOTOR_POS, SENSORS = POSITIONS[0].key, AIDIN["sensor_state"].key
 RANGES = {
@@ -46,6 +50,58 @@ class ImplausibleFeedback(CheckFailed):
     """Feedback that cannot be that of the moving hand: the hand has to be stopped, because nothing shows where it is."""
 
 
+class Liveness:
+    """Whether the feedback still changes. Sees every object of a connection, whether the hand is driven or not.
+
+    changes  values that have changed so far
+    same     objects with the sensors since the last change of any value
+    """
+
+    def __init__(self, pause: int | None = None) -> None:
+        """`pause` is what was known of the noise before, see there."""
+        self.changes = self.same = 0
+        self._known, self._noises, self._calm, self._calmest = pause, 0, 0, 0
+        self._last: dict[str, Sequence[object]] = {}
+        self._change = inf
+        self._at_rest = True
+        """No encoder has changed since the last object with the sensors."""
+        self._resting = 0
+        """Changes of the sensors at rest: there they are noise, even one of them."""
+
+    def note(self, at: float, values: Mapping[str, Sequence[object]]) -> None:
+        """Take the values of the keys of one object, and when it came, in seconds."""
+        changed = {key for key, now in values.items() if key in self._last and now != self._last[key]}
+        self._at_rest = self._at_rest and MOTOR_POS not in changed
+        if changed or self._change == inf:
+            self.same, self._change = 0, at
+        self.changes += len(changed)
+        if SENSORS in changed:
+            self._noises, self._resting = self._noises + 1, self._resting + self._at_rest
+            self._calm, self._calmest = 0, max(self._calm, self._calmest)
+        elif SENSORS in self._last and SENSORS in values:
+            self._calm += 1
+            self.same += not changed
+        self._at_rest = self._at_rest or SENSORS in values
+        self._last.update(values)
+
+    @property
+    def pause(self) -> int | None:
+        """The most objects in which noisy sensors stood still before they changed again; None = no noise was seen."""
+        seen = self._noises >= OBJECTS or (self._resting and not self._calmest)
+        return max(self._calmest, self._known or 0) if seen or self._known is not None else None
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has changed for so many objects that what came last may be old."""
+        return self.pause is not None and self.same > NOISY * self.pause
+
+    def frozen(self, at: float) -> float:
+        """Seconds for which nothing has changed, where that proves that the feedback is old; 0.0 = it does not."""
+        enough = 1 if self._noises >= OBJECTS or self._known is not None else SCARCE
+        stands = at - self._change
+        return stands if self.silent and self.same >= OBJECTS and stands > enough * FROZEN else 0.0
+
+
 class FeedbackGuard:
     """Sees every object while the hand is driven. `fault` is what is wrong with them, None = nothing.
 
@@ -53,41 +109,39 @@ class FeedbackGuard:
     sets_origin   time from which on the hand may set the origin, so that the encoders may leap
     """
 
-    def __init__(self) -> None:
+    def __init__(
+        self, live: Liveness | None = None, at: float = 0.0, begin: Mapping[str, Numbers] | None = None
+    ) -> None:
+        """`live` has seen the connection so far, and `begin` is what came last, at the time `at`."""
         self.fault: ImplausibleFeedback | None = None
-        self.changed = False
         self.sets_origin = inf
-        self._last: dict[str, Numbers] = {}
-        self._at: dict[str, float] = {}
-        self._begun: dict[str, tuple[float, int]] = {}  # the first object, and how many have come since
-        self._change, self._same = 0.0, 0  # the last change of any value, and the objects with sensors since
-        self._noise, self._noises, self._stood = (
-            0.0,
-            0,
-            0.0,
-        )  # the last change of the sensors, how many, the longest pause
+        self._live = live or Liveness()
+        self._changes = self._live.changes
+        self._last: dict[str, Numbers] = dict(begin or {})
+        self._at = dict.fromkeys(self._last, at)
+        self._begun = dict.fromkeys(self._last, (at, 0))  # the first object, and how many have come since
+
+    @property
+    def changed(self) -> bool:
+        return self._live.changes > self._changes
 
     def note(self, where: str, at: float, good: Mapping[str, Numbers]) -> None:
         """Take the good values of the keys of one object, and when it came."""
+        self._live.note(at, good)
         for param in POSITIONS:
-            if param.key in good and at < self.sets_origin:
-                self._check_leap(where, at, param, good[param.key])
-        for key, now in good.items():
-            begun, count = self._begun.get(key, (at, -1))
-            if count >= 0 and now != self._last[key]:
-                self.changed, self._change, self._same = True, at, 0
-                if key == SENSORS:
-                    self._stood = max(self._stood, at - self._noise)
-                    self._noise, self._noises = at, self._noises + 1
-            elif key == SENSORS:
-                self._same += 1
-                self._noise = self._noise if count >= 0 else at
-            self._last[key], self._at[key], self._begun[key] = now, at, (begun, count + 1)
-        stands = at - self._change
-        if self._noises >= OBJECTS and self._same >= OBJECTS and stands > max(FROZEN, NOISY * self._stood):
+            if param.key in good:
+                if at < self.sets_origin:
+                    self._check_leap(where, at, param, good[param.key])
+                begun, count = self._begun.get(param.key, (at, -1))
+                self._last[param.key], self._at[param.key] = good[param.key], at
+                self._begun[param.key] = begun, count + 1
+        self.check_frozen(where, at)
+
+    def check_frozen(self, where: str, at: float) -> None:
+        """Set `fault` where the feedback has frozen."""
+        if stands := self._live.frozen(at):
             self.fault = self.fault or ImplausibleFeedback(
-                f"{where}: the feedback has frozen: for {stands:.2f} s no value has changed, not even the noise of the sensors, so "
-                "the position of the hand is unknown",
+                f"{where}: the feedback has frozen: for {stands:.2f} s {OLD}, so the position of the hand is unknown",
                 hint=Hint("check the hand and the network, then check the feedback with {}", "aidin watch"),
                 code="frozen-feedback",
             )

@@ -36,11 +36,12 @@ from handctl.devices.aidin.parameter_map import (
     stroke,
 )
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
-from handctl.errors import CheckFailed, Hint, NoAnswer, UsageError, joined
+from handctl.errors import Aftermath, CheckFailed, Hint, Interrupted, NoAnswer, UsageError, joined
 from handctl.families import FAMILIES
 from handctl.model.param import Number, elements_of
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
+from handctl.model.stop_on_interrupt import on_early_end
 
 HOLD = 3.5
 """Seconds of homing: the documented 3 and a reserve."""
@@ -60,10 +61,8 @@ WAY = (
 LEFT = "the hand was left in homing mode, and no stop was sent"
 NOT_ZEROED = "a motor that is not at 0 either has no origin yet or moved on after it was set, so nothing shows what it counts from"
 ZEROED_THERE = (
-    "the hand set the other motors to 0 where they came to rest, so if that was not the open stop, their targets are off by the "
-    "difference"
+    "motors to 0 where they came to rest, so if that was not the open stop, their targets are off by the difference"
 )
-AGAIN = "free any blocked finger and home again before you move the hand"
 GOES_ON = "no stop was sent, so the hand probably continues to its origin. `handctl aidin stop` frees it"
 
 
@@ -268,9 +267,11 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
     off = [way for way in against if way.verdict is Verdict.OFF]
     unproven = [way for way in ways if way.verdict is Verdict.UNPROVEN]
     if against:
+        not_zeroed = NOT_ZEROED if off else ""
+        zeroed = f"it set {'the other' if off else 'these'} {ZEROED_THERE}" if len(off) < len(against) else ""
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(against)}: {_told(against)}",
-            hint=joined(LEFT, NOT_ZEROED if off else "", ZEROED_THERE if len(off) < len(against) else "", AGAIN),
+            hint=joined(LEFT, not_zeroed, zeroed, "free any blocked finger and home again"),
             code="not-homed",
         )
     elif unproven:
@@ -494,7 +495,9 @@ def bias(hand: AidinHand) -> Table:
     ledger = hand.journal.ledger
     begun = ledger.mark
     sent = "the sensor bias was sent, so any load on the fingertips may read as 0 from now on"
-    with in_force(f"{sent}; {left_in(Mode.BIAS)}", moving=False):
+    left = f"{sent}; {left_in(Mode.BIAS)}"
+    stops = stopped_on_error(hand, Prompts(), ImplausibleFeedback, otherwise=left)  # nothing is shown meanwhile
+    with conversation.guarded(leaps=False), on_early_end(Aftermath(hint=left), by=Interrupted), stops:
         data, end = object_of(Mode.BIAS), conversation.deadline(BIAS_SECONDS)
         while not end.expired:
             conversation.tick(data)
@@ -504,6 +507,7 @@ def bias(hand: AidinHand) -> Table:
         while worse and not end.expired:
             hand.link.sleep(AT_REST)
             table, worse = _compared(hand, before, earlier)
+        conversation.check_plausible()
     hand.journal.info("left", left_in(Mode.BIAS), LEFT_HINT)
     if worse and table.failure is None:
         table.failure = CheckFailed(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from handctl.devices.aidin.device import AidinHand
 from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import ExchangeMode
+from handctl.devices.aidin.remedies import REMEDIES
 from handctl.link import ByteLink, Deadline
+from handctl.model.check_rows import FAIL
 from handctl.model.result import Journal, Row
 
 WIRES = ("tcp",)
@@ -29,3 +31,10 @@ def probe(
 def ping(device: AidinHand) -> None:
     """Feedback that comes from now on: the answer to an empty object, or the next of its stream. Raises NoAnswer, ProtocolError."""
     device.conversation.refresh()
+
+
+def further(device: AidinHand, answered: bool) -> Iterator[tuple[str, str, str, str]]:
+    """Whether the feedback of a hand that has `answered` still changes."""
+    if answered:
+        status, evidence = device.liveness()
+        yield "feedback", status, evidence, REMEDIES["frozen"].hint if status == FAIL else ""

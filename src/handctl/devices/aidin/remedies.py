@@ -9,6 +9,7 @@ from handctl.model.device_picture import Measure, Outline, Remedy, hand
 
 REMEDIES = {
     "no-angle": Remedy("joint angles are no radians (possibly degrees)", f"{RECORD_BYTES}. Until then, move only with `encoders`", "aidin, Feedback keys"),
+    "frozen": Remedy("the hand repeats old feedback, so its state is unknown", "check the hand and the network, and switch the hand's power off if it moves", "handctl"),
     "range": Remedy("the origin of the encoders is not set", Hint("set it with {}: all fingers open for 3 s", "aidin home"), "aidin, Modes"),
     "all-zero": Remedy("the hand has either just been homed, or just been switched on with the fingers anywhere", Hint("run {}, unless the hand has been homed since power-on", "aidin home"), "aidin, Modes"),
 }  # fmt: skip

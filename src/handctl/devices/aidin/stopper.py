@@ -1,7 +1,7 @@
 """The stop of an AIDIN-hand: mode 3, motor power off, in poll as in stream (aidin, Modes: stop).
 
 There is no acknowledge, and the feedback has no mode: only motors that stand and currents that are near 0 afterwards show
-anything (dossier 3).
+anything (dossier 3). Feedback that has frozen shows nothing at all.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from collections.abc import Sequence
 from contextlib import suppress
 
 from handctl.devices.aidin.exchange_settings import PERIOD
+from handctl.devices.aidin.feedback_guard import NO_NOISE, OLD, Liveness
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, encode, numbers
-from handctl.devices.aidin.parameter_map import CURRENTS, MOTOR_POS, Mode, moving, some
+from handctl.devices.aidin.parameter_map import CURRENTS, FEEDBACK, MOTOR_POS, Mode, moving, some
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
@@ -34,9 +35,10 @@ CONFIRM = 60
 """Periods in which the currents may vanish, 1.2 s: also a slow stream has spoken by then."""
 NO_CURRENT = 20
 """2 % of 1000."""
-FLOWED, ENDS = "flowed", "ends"
+FLOWED, ENDS, PAUSE = "flowed", "ends", "pause"
 """Keys of the context: the feedback before the stop showed a current, and it ends without a stop, as that of a movement to a
-place does, so that its end shows nothing."""
+place does, so that its end shows nothing; what was seen of the noise of the sensors (see `Liveness.pause`)."""
+UNCONFIRMED = "stop was sent repeatedly but is not confirmed"
 HINT = "watch the hand, and switch its power off if it still moves"
 
 
@@ -44,7 +46,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     """Send the stop mode three times, then until the hand reports that no current flows; then check again after a silence.
 
     What it tells between two of our own objects shows nothing: somebody else may command currents 50 times a second. A motor
-    that turns is not stopped, however low its current.
+    that turns is not stopped, however low its current; and of a hand that repeats its last object nobody knows.
     """
     own = context.settings.own
     end = TERMINATORS[own.get("tx_terminator") or "newline"]
@@ -52,11 +54,11 @@ def stop_steps(context: StopContext) -> StopSequence:
     action = StopStep(Step(f"motor power off: {data.decode()}", data + end, moves=True), PERIOD, lambda _pieces: False)
     told: Counts | None = None
     flowed, heard, spoke = bool(own.get(FLOWED)), False, False
-    decoder, places = Decoder(), list[Counts]()
+    feedback, places = _Feedback(own.get(PAUSE)), list[Counts]()
     for count in range(TIMES + CONFIRM):
         pieces = yield action
         heard = heard or bool(pieces)
-        currents, seen = _told(decoder, pieces)
+        currents, seen = feedback.take(pieces)
         places = seen or places
         for told in currents:
             flowed = flowed or flow(told)
@@ -66,29 +68,39 @@ def stop_steps(context: StopContext) -> StopSequence:
             break
     if not heard:
         since = "the hand has sent nothing since" if spoke else "the hand sends nothing"
-        return Stopped(f"stop was sent repeatedly but is not confirmed: {since}", HINT, NoAnswer)
+        return Stopped(f"{UNCONFIRMED}: {since}", HINT, NoAnswer)
     going = list[int]()
     for count in range(LOOKS):
         if count:
-            places = _told(decoder, (yield action))[1] or places
-        since_then, seen = _told(decoder, (yield from silence()))
+            places = feedback.take((yield action))[1] or places
+        since_then, seen = feedback.take((yield from silence()))
         if not since_then and not seen:
-            since_then, seen = _told(decoder, (yield action))
+            since_then, seen = feedback.take((yield action))
         places = [*places[-1:], *seen]
         going = moving(places[0], places[-1]) if places else []
-        if not going:
+        if not going and not feedback.live.silent:
             break
-    return _judged(told, since_then, going, flowed and not own.get(ENDS), spoke, len(places) > 1)
+    if feedback.live.silent:
+        return Stopped(f"{UNCONFIRMED}: the feedback has frozen: {OLD}, so it is old", HINT, NoAnswer)
+    stands = len(places) > 1
+    return _judged(told, since_then, going, flowed and not own.get(ENDS), spoke, stands, bool(feedback.live.changes))
 
 
 def _judged(
-    told: Counts | None, since_then: list[Counts], going: list[int], flowed: bool, spoke: bool, stands: bool
+    told: Counts | None,
+    since_then: list[Counts],
+    going: list[int],
+    flowed: bool,
+    spoke: bool,
+    stands: bool,
+    lives: bool,
 ) -> Stopped:
     """The result, from the currents `told` behind the last stop and `since_then`, and the motors that are still `going`.
 
     flowed  a current that had nothing but the stop to end it
     spoke   the hand told its currents before
     stands  the positions were told as well
+    lives   any value has changed since the stop was sent
     """
     if going:
         names = some([MOTOR_POS.elements[index] for index in going])
@@ -96,7 +108,7 @@ def _judged(
         return stopped._replace(hint=f"{stopped.hint}. Without power a finger can also fall, or be moved by hand")
     if told is None:
         since = "the feedback since then" if spoke else "the feedback"
-        text = f"stop was sent repeatedly but is not confirmed: {since} has no currents"
+        text = f"{UNCONFIRMED}: {since} has no currents"
         return Stopped(text, HINT, ProtocolError)
     if flow(told):
         if not since_then or flow(since_then[-1]):
@@ -112,10 +124,14 @@ def _judged(
     if flowed:
         text = "stop was sent, and the currents stopped: the fingers move freely, and a held object falls"
         return Stopped(text, evidence="the currents stopped")
-    text = f"stop was sent, the motors stand, and no current is above {NO_CURRENT}. It was not seen that the stop ended one"
-    return Stopped(
-        f"{text}, so the feedback does not show that the motors are off", "if in doubt, switch the hand's power off"
-    )
+    none, doubt = f"no current is above {NO_CURRENT}", "if in doubt, switch the hand's power off"
+    if not lives:
+        text = f"stop was sent, and {none}. But since then {OLD}: {NO_NOISE}"
+        return Stopped(
+            f"{text}. So the feedback does not show that the motors are off, nor even that they stand", doubt
+        )
+    text = f"stop was sent, the motors stand, and {none}. It was not seen that the stop ended one"
+    return Stopped(f"{text}, so the feedback does not show that the motors are off", doubt)
 
 
 def flow(currents: Sequence[float]) -> bool:
@@ -127,13 +143,22 @@ def _peak(currents: Sequence[float]) -> float:
     return max(map(abs, currents))
 
 
-def _told(decoder: Decoder, pieces: Pieces) -> tuple[list[Counts], list[Counts]]:
-    """The motor currents in the received data, in 0.1 %, and the encoders; damaged data is skipped."""
-    decoder.feed(b"".join(pieces))
-    found = list[Counts](), list[Counts]()
-    for content in frames_in(decoder):
-        for param, values in zip((CURRENTS.feedback, MOTOR_POS), found, strict=True):
-            if param.key in content:
-                with suppress(ProtocolError):
-                    values.append(tuple(int(one) for one in numbers(content[param.key], param.count)))
-    return found
+class _Feedback:
+    """What comes back during a stop."""
+
+    def __init__(self, pause: int | None) -> None:
+        self.live = Liveness(pause)
+        self._decoder = Decoder()
+
+    def take(self, pieces: Pieces) -> tuple[list[Counts], list[Counts]]:
+        """The motor currents in the received data, in 0.1 %, and the encoders; damaged data is skipped."""
+        self._decoder.feed(b"".join(pieces))
+        found = list[Counts](), list[Counts]()
+        for content in frames_in(self._decoder):
+            told = {param.key: value for param in FEEDBACK if isinstance(value := content.get(param.key), list)}
+            self.live.note(0.0, told)  # a stop has no clock: it counts objects
+            for param, values in zip((CURRENTS.feedback, MOTOR_POS), found, strict=True):
+                if param.key in content:
+                    with suppress(ProtocolError):
+                        values.append(tuple(int(one) for one in numbers(content[param.key], param.count)))
+        return found
