@@ -134,7 +134,7 @@ def _judged(
         return Stopped(text, evidence="the currents stopped")
     none, doubt = f"no current is above {NO_CURRENT}", "if in doubt, switch the hand's power off"
     if not lives:
-        text = f"stop was sent, and {none}. But {OLD}: {NO_NOISE}"
+        text = f"stop was sent, and {none}. But since then {OLD}: {NO_NOISE}"
         return Stopped(
             f"{text}. So the feedback does not show that the motors are off, nor even that they stand", doubt
         )
