@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from handctl.docgen.promises import WORDS, exceptions
+from handctl.docgen.guide_tables import WORDS, exceptions
 from tests.promises.cells import tried
 from tests.promises.tables import TABLES
 from tests.support import own_state

@@ -12,10 +12,9 @@ from handctl.devices.ekso.audit_log import NOT_SENT, AuditLog, recent
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command, Frame
 from handctl.devices.ekso.parameter_map import NOTHING_SENT, SETTINGS, Word, boot_ms
-from handctl.devices.ekso.setting_change import Change
+from handctl.devices.ekso.setting_change import Change, Raws, differences, judge
 from handctl.devices.ekso.stillness import moving
 from handctl.devices.ekso.write_policy import BETWEEN_WRITES, READS_APART, STEP_SECONDS, largest_step, write_limits_of
-from handctl.devices.ekso.write_result import Raws, differences, judge
 from handctl.errors import (
     Aftermath,
     HandctlError,

@@ -12,17 +12,23 @@ from typing import Any
 
 from handctl.devices.inspire.duplicate_id import naming_duplicate_id
 from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, refuse_other_generation
-from handctl.devices.inspire.hand.generations import DF, DG2, F1, FORCE_MOST, MODELS, THUMB_DEFAULT, TP
 from handctl.devices.inspire.hand.register_map import (
     BYTE_MAP,
+    DF,
+    DG2,
+    F1,
+    FORCE_MOST,
     HAND_BAUD_RATES,
     HAND_CAN_BITRATES,
     IP_ADDRESS,
     MAPS,
+    MODELS,
     NO_MOVE_STATUS,
     OF_BYTES,
     OVER_TEMPERATURE,
+    THUMB_DEFAULT,
     TOO_HOT_TO_MOVE,
+    TP,
     HandRegister,
 )
 from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stranger
