@@ -188,8 +188,7 @@ def only(grid: Grid, kept: Sequence[int]) -> Grid:
 def without_empty(grid: Grid) -> Grid:
     """The grid without the columns that hold nothing."""
     return only(
-        grid,
-        [i for i in range(len(grid.headings)) if i == 0 or any(cell_text(line[i]).plain for line in grid.lines)],
+        grid, [i for i in range(len(grid.headings)) if i == 0 or any(cell_text(line[i]).plain for line in grid.lines)]
     )
 
 

@@ -477,11 +477,7 @@ class Service:
             following["rows"] = visit.privacy.rows(following["rows"])
         facts = [(key.capitalize(), text(service[key] or "none was given")) for key in ("ticket", "complaint")]
         facts += [("Next step", text(service["next"]["text"])), ("Command", following["command"] or "none")]
-        visit.content.service = [
-            Grid(("Service", ""), tuple(facts)),
-            *view(self.rows, self.steps),
-            *compared,
-        ]
+        visit.content.service = [Grid(("Service", ""), tuple(facts)), *view(self.rows, self.steps), *compared]
         visit.content.data["service"] = {**service, "rows": self.rows, "next": following}
         visit.conclude()
         if before and "from" in self.steps.get("watch", {}):

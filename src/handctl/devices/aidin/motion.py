@@ -200,9 +200,7 @@ def _check(param: AidinParam, values: dict[int, float], *, rad: bool) -> None:
     if param.angles and _fits(param, values, rad=rad):
         hint = f"as {'degrees: leave --rad out' if rad else 'radians they would be in range: add --rad'}. {hint}"
     raise UsageError(
-        f"{some(named, SHOWN)} {'is' if len(named) == 1 else 'are'} out of range",
-        hint=hint,
-        code="out-of-range",
+        f"{some(named, SHOWN)} {'is' if len(named) == 1 else 'are'} out of range", hint=hint, code="out-of-range"
     )
 
 

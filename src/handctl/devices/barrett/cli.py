@@ -89,12 +89,7 @@ cli = Group(
 
 
 add_map_verbs(
-    cli,
-    BARRETT,
-    typed_asks=False,
-    part="MOTOR",
-    example="P SG.F1 temperature",
-    without=("set", "describe", "restore"),
+    cli, BARRETT, typed_asks=False, part="MOTOR", example="P SG.F1 temperature", without=("set", "describe", "restore")
 )
 
 

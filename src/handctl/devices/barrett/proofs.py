@@ -283,11 +283,7 @@ def _after_loop(hand: BarrettHand, prompts: Prompts) -> Observation:
     velocity = VELOCITY if place < TRAVEL[0] / 2 else -VELOCITY
     request = FlagRequest((F1,), {F1: ("position",)})
     loop = RealtimeLoop(
-        hand,
-        prompts,
-        request,
-        Controls({F1: ("velocity",)}, {(F1, "velocity"): velocity}),
-        sequential=True,
+        hand, prompts, request, Controls({F1: ("velocity",)}, {(F1, "velocity"): velocity}), sequential=True
     )
     loop.session = session = _LeftRunning(hand, request, drives=True)
     for _ in loop.run(rate=0.0, count=None, duration=DRIVEN):

@@ -23,15 +23,7 @@ from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.standstill import check_standing
-from handctl.model.stop_sequence import (
-    Pieces,
-    Read,
-    StopContext,
-    Stopped,
-    StopSequence,
-    StopStep,
-    silence,
-)
+from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, StopSequence, StopStep, silence
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""

@@ -106,9 +106,7 @@ class AuditLog:
                 os.close(file)
         except OSError as exc:
             raise write_checks.refusal(
-                write_checks.LOG,
-                f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
-                self._hint,
+                write_checks.LOG, f"{self.path}: the audit log cannot be written: {exc.strerror or exc}", self._hint
             ) from exc
 
     def unfinished(self) -> dict[str, Any] | None:

@@ -12,12 +12,7 @@ from typing import NamedTuple
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.frames import Frame, set_value_body, status_text
-from handctl.devices.ekso.parameter_map import (
-    NOTHING_SENT,
-    PERCENT_CODES,
-    SETTINGS,
-    Word,
-)
+from handctl.devices.ekso.parameter_map import NOTHING_SENT, PERCENT_CODES, SETTINGS, Word
 from handctl.devices.ekso.write_policy import largest_step, write_limits_of
 from handctl.errors import HandctlError, Interrupted
 

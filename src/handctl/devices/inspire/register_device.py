@@ -392,8 +392,7 @@ class RegisterDevice(Device):
         if any(element.param.strands for element, _ in changes):
             refuse_duplicate_id(self)
         with self.stopped_by_ctrl_c(
-            ", ".join(element.full_name for element, _ in changes),
-            any(element.param.moves for element, _ in changes),
+            ", ".join(element.full_name for element, _ in changes), any(element.param.moves for element, _ in changes)
         ):
             return self._written(changes)
 

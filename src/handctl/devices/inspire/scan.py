@@ -16,14 +16,7 @@ from typing import NamedTuple
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.duplicate_id import Row4, same_id
-from handctl.devices.inspire.id_and_baud_search import (
-    CanSearch,
-    Findings,
-    Requester,
-    RtuSearch,
-    Scanner,
-    ScanRequest,
-)
+from handctl.devices.inspire.id_and_baud_search import CanSearch, Findings, Requester, RtuSearch, Scanner, ScanRequest
 from handctl.devices.inspire.identity import EXO, NOT_SHOWN, SIX_HINT, WRIST, IdentityCheck, Kind
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED

@@ -318,9 +318,7 @@ class GclLine(Line):
         else:
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
-            f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}",
-            hint=hint,
-            code=code,
+            f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}", hint=hint, code=code
         )
 
     def abort(self) -> Answer | None:

@@ -440,9 +440,7 @@ def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, fa
 def view(rows: list[Row]) -> list[Grid]:
     """Check, status and evidence; below them what to do about the findings, then the steps by hand."""
     checks = [row for row in rows if not row["check"].startswith(BY_HAND)]
-    lines = tuple(
-        (row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in checks
-    )  # fmt: skip
+    lines = tuple((row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in checks)
     todo: dict[str, list[str]] = {}
     for row in checks:
         if row["remedy"] and row["status"] != OK:

@@ -227,7 +227,7 @@ def _heat(at: At) -> list[Reason]:
     if limit < 300:
         meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
         return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", SET_LIMIT))]  # fmt: skip
-    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]  # fmt: skip
+    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]
 
 
 def _strain(motor: str, at: At) -> list[Reason]:

@@ -17,15 +17,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import DISTURBED, Answer
 from handctl.devices.barrett.gcl.line import COLON_ALONE, restarted_in
 from handctl.devices.barrett.parameter_map import BARRETT
-from handctl.devices.barrett.realtime.blocks import (
-    FEEDBACK_ONLY,
-    NEITHER,
-    Decoder,
-    Feedback,
-    LoopError,
-    Values,
-    still,
-)
+from handctl.devices.barrett.realtime.blocks import FEEDBACK_ONLY, NEITHER, Decoder, Feedback, LoopError, Values, still
 from handctl.devices.barrett.realtime.control_laws import Rules
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.enter_and_leave import Session

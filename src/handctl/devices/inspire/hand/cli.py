@@ -99,13 +99,7 @@ cli = Group(
     "A hand closes in less than a second. Commands that move it or change it permanently ask first.",
 )
 
-add_map_verbs(
-    cli,
-    BYTE_MAP,
-    part="FINGER",
-    example="angle_actual.index temperature",
-    without=("set",),
-)
+add_map_verbs(cli, BYTE_MAP, part="FINGER", example="angle_actual.index temperature", without=("set",))
 
 
 @cli.verb("set", "Settings", writes=True, asks="(for an angle or a stroke); (for anything else)")

@@ -241,9 +241,7 @@ def plan_hand_writes(hand: Hand, address: int, data: bytes, *, force: bool, undo
     if touches_shared(address, len(data)) and not force:
         raise UsageError(
             f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
-            hint=(
-                "use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. Nothing was sent."
-            ),
+            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. Nothing was sent.",
             code="ambiguous",
         )
     return [_planned(hand, place, part, force, undocumented) for place, part in _in_frames(hand.bus, address, data)]
