@@ -5,7 +5,8 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TextIO
 
 BACKGROUND_SECONDS = 0.5
@@ -197,6 +198,19 @@ else:
 
         with contextlib.suppress(OSError):
             readline.write_history_file(history)
+
+
+@contextlib.contextmanager
+def edited_lines(history: Path, longest: int, complete: Callable[[str, str], list[str]]) -> Iterator[None]:
+    """While it lasts, as `edit_lines`; at its end the history is kept, where there is an editor."""
+    with contextlib.suppress(OSError):
+        history.parent.mkdir(parents=True, exist_ok=True)
+    edits = edit_lines(str(history), longest, complete)
+    try:
+        yield
+    finally:
+        if edits:
+            keep_history(str(history))
 
 
 # -- pseudo terminals, and the serial speed that a client sets on one ---------------------------------------------------

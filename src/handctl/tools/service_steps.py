@@ -484,11 +484,8 @@ class Service:
             visit.content.data["watch"] = before.get("watch", [])
             ranges = [f"{row['name']} {row['min']} to {row['max']}" for row in before.get("watch", [])]
             visit.content.missing["Watch"] = f"watched earlier: {', '.join(ranges)}"
-
-        def grids(rows: list[Row]) -> list[Grid]:
-            return [*view(rows, self.steps), *compared]
-
-        table = Table(rows=self.rows, columns=COLUMNS, view=grids, extra=self.more)
+        shown = lambda rows: [*view(rows, self.steps), *compared]  # noqa: E731
+        table = Table(rows=self.rows, columns=COLUMNS, view=shown, extra=self.more)
         self.run.journal.on_message = self.heard
         if self.wishes.written:
             service["report"] = visit.written(path)

@@ -311,7 +311,7 @@ ROWS = (
         "safety check missing",
         FIRST_LIGHT,
         "FirstLight._objection",
-        'if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & health_limits.NOT_INITIALIZED]:',
+        'if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & NOT_INITIALIZED]:',
         "if lost := []:",
         f"{LIGHT}_nothing_moves_before_hi",
     ),

@@ -60,8 +60,6 @@ from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import Stopped
 from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
-SLACK = 0.01
-"""Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""
 RADIAN_STEP = 1e-6
 COUPLED = "q4"
 SHOWN = 4
@@ -108,11 +106,11 @@ class Goal:
 
 
 def _kept(param: AidinParam, index: int, value: float) -> float:
+    """A measured value that is commanded again: one that jitters outside its range is held at the limit."""
     limit = param.limit(index)
     if limit is None:
         return value
-    slack = (limit[1] - limit[0]) * SLACK
-    if not limit[0] - slack <= value <= limit[1] + slack:
+    if outside(param, index, value):
         raise CheckFailed(
             f"{param.elements[index]} would be kept at {value:g}, which is outside {limit[0]:g}..{limit[1]:g}",
             hint=Hint(

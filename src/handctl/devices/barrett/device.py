@@ -358,7 +358,7 @@ class BarrettHand(Device):
 
     def plan(self, changes: Changes) -> list[Step]:
         """FSET and PSET lines for checked changes: motors that get the same value share a prefix; the speed goes last."""
-        return [_step(text) for text, _ in self._commands(changes)]
+        return [step_of(text) for text, _ in self._commands(changes)]
 
     def _commands(self, changes: Changes) -> list[tuple[str, Changes]]:
         """The lines that write `changes`, each with its changes, in order."""
@@ -432,7 +432,7 @@ class BarrettHand(Device):
         readings = self.read([element for element, _ in changes])
         now = {reading.element.full_name: reading.value for reading in readings}
         for command, mine in commands:
-            step = _step(command)
+            step = step_of(command)
             if all(now[element.full_name] == value for element, value in mine):
                 self.journal.ledger.confirm("read back", step)
             elif all(now[element.full_name] is not None for element, _ in mine):
@@ -490,10 +490,6 @@ class BarrettHand(Device):
 
             findings += [Finding(f"the hand is moving: {motor}", ("moving",)) for motor in look_for_motion(self.line)]
         return self.with_findings(table, findings, check)
-
-
-def _step(text: str) -> Step:
-    return Step(text, encode(text), strands="BAUD" in text.split())
 
 
 def _is_speed(change: tuple[Element, Number]) -> bool:

@@ -173,9 +173,8 @@ def _at(
     ended = has_prompt(b"".join(came))
     command = f"{prefix}T"
     risky = bool(prefix) and data == SAFE_ABORT  # three digits before T may be the trigger to a boot monitor
-    if not ended and (risky or (len(waits) == 1 and not came)):
-        return StopAttempt(speed, None, ended, b"".join(came), f"^C{where}")
-    if ended and powered:
+    nobody = not ended and (risky or (len(waits) == 1 and not came))
+    if nobody or (ended and powered):
         return StopAttempt(speed, None, ended, b"".join(came), f"^C{where}")
     step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
     tries = TRIES if ended else 1  # it is there: T goes out again until it is answered

@@ -591,6 +591,15 @@ def _reading(element: Element, memory: Memory) -> Reading:
     return Reading(element, register.decode(data), data)
 
 
+def error_finding(reading: Reading, degrees: Number | None, more: str = "") -> Finding:
+    """The error bits of an actuator, with `more` behind; of an over-temperature with the `degrees` that it has now."""
+    label = reading.element.param.label(reading.value or 0) or ""
+    text = f"{reading.element.part}: {label} (0x{int(reading.value or 0):02X})"
+    if "over_temperature" in label:
+        text += f". over_temperature goes away as it cools, now {degrees} °C"
+    return Finding(text + more, tuple(label.split(", ")))
+
+
 def _names(run: Sequence[tuple[Element, Number]]) -> str:
     return ", ".join(element.full_name for element, _ in run)
 

@@ -21,7 +21,6 @@ WARM_TENTHS, LIMIT_TENTHS = 600, 650
 """Normal up to 60 °C, never above 65 °C (§2)."""
 WARM, LIMIT = f"{WARM_TENTHS / 10:g} °C", f"{LIMIT_TENTHS / 10:g} °C"
 SET_LIMIT = f"barrett set OTEMP={LIMIT_TENTHS}"
-NOT_INITIALIZED = 4
 LEAST_VELOCITY = 40
 """Below it a motor may not overcome its friction (§8)."""
 NO_SENSOR = "power-cycle the hand. If it happens again, ask the vendor about the temperature sensor"

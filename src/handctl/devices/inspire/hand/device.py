@@ -34,7 +34,7 @@ from handctl.devices.inspire.hand.register_map import (
 from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stranger
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
-from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
+from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T, error_finding
 from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
@@ -391,12 +391,9 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         if value is None:
             continue
         if param.name == "error" and value:
-            text = f"{part}: {param.label(value)} (0x{int(value):02X})"
-            if int(value) & OVER_TEMPERATURE:
-                text += f". over_temperature goes away as it cools, now {at.get(f'temperature.{part}')} °C"
-            if at.get(f"status.{part}") in NO_MOVE_STATUS:
-                text += f", status {at[f'status.{part}']}"
-            found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
+            status = at.get(f"status.{part}")
+            more = f", status {status}" if status in NO_MOVE_STATUS else ""
+            found.append(error_finding(reading, at.get(f"temperature.{part}"), more))
         elif param.name == "status" and value in NO_MOVE_STATUS and not at.get(f"error.{part}"):
             found.append(Finding(f"{part}: status {value}, {param.label(value)}", (str(param.label(value)),)))
         elif param.name == "temperature" and value != 255 and value >= TOO_HOT_TO_MOVE:

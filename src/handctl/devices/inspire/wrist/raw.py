@@ -31,11 +31,6 @@ SHARED = range(1020, 1044)
 """Wrist registers; in the hand's space current limits and power-on speeds lie here (RH56 §2.4.7, §2.4.8)."""
 
 
-def misprint(data: bytes) -> str | None:
-    """What a frame that the manual prints wrongly really does; None for any other frame."""
-    return MISPRINTS.get(data)
-
-
 def explained(step: Step) -> bool:
     """Whether a plan's meaning is the explanation of a misprint."""
     return step.meaning in MISPRINTS.values() or step.meaning in CAN_MISPRINTS.values()
@@ -86,7 +81,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
 
     With `only_explain` (a dry run) a misprint is explained also where it would be refused.
     """
-    explained = misprint(data)
+    explained = MISPRINTS.get(data)
     if explained is not None and only_explain:
         return Step(explained, data, moves=True)
     pieces = InspireExplainer(WRIST).decode(data, HOST)
