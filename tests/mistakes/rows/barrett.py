@@ -717,7 +717,7 @@ ROWS = (
         "unit",
         "handctl.devices.barrett.maintenance.health_limits",
         "_heat",
-        'return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]  # fmt: skip',
+        'return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]',
         "return []",
         "tests/barrett/test_diagnose.py::test_the_forecast_of_heat_names_both_temperatures_in_degrees",
     ),
