@@ -372,15 +372,7 @@ class RegisterDevice(Device):
 
     def runs(self, changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
         """Changes grouped into what one frame may write: adjacent elements of one register group."""
-        groups: list[list[tuple[Element, Number]]] = []
-        for element, value in changes:
-            if groups:
-                last = groups[-1][-1][0]
-                if last.param.name == element.param.name and last.index + 1 == element.index:
-                    groups[-1].append((element, value))
-                    continue
-            groups.append([(element, value)])
-        return groups
+        return grouped(changes, lambda last, one: last.param.name == one.param.name and last.index + 1 == one.index)
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """Write checked changes one frame at a time and read all of them back.
@@ -598,6 +590,19 @@ def error_finding(reading: Reading, degrees: Number | None, more: str = "") -> F
     if "over_temperature" in label:
         text += f". over_temperature goes away as it cools, now {degrees} °C"
     return Finding(text + more, tuple(label.split(", ")))
+
+
+def grouped(
+    changes: Sequence[tuple[Element, Number]], together: Callable[[Element, Element], bool]
+) -> list[list[tuple[Element, Number]]]:
+    """Changes in their order; one that goes `together` with the one before it is in its group."""
+    groups: list[list[tuple[Element, Number]]] = []
+    for change in changes:
+        if groups and together(groups[-1][-1][0], change[0]):
+            groups[-1].append(change)
+        else:
+            groups.append([change])
+    return groups
 
 
 def _names(run: Sequence[tuple[Element, Number]]) -> str:
