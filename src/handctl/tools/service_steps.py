@@ -558,15 +558,7 @@ def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
     for name, step in steps.items():
         mine = [row for row in rows if row["step"] == name]
         bad = findings(mine)
-        status = (
-            bad[0]["status"]
-            if bad
-            else SKIPPED
-            if step["state"] == "skipped"
-            else FAIL
-            if step["state"] == "failed"
-            else OK
-        )
+        status = bad[0]["status"] if bad else {"skipped": SKIPPED, "failed": FAIL}.get(step["state"], OK)
         evidence = [row["evidence"] for row in (mine[-1:] if name == FIND else mine)]
         found = joined(*evidence) if len(evidence) <= FEW else plural(len(mine), "check")
         found = plural(len(bad), "finding") if bad else found if mine else ""

@@ -429,11 +429,9 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
             "the encoders are at 0, but no motor moved. Either the fingers were already there, or the hand has not been homed since power-on and ignored the command",
             hint=Hint("check the fingers, and run {} if they are not open", "aidin home"),
         )
-    return (
-        _motors(hand, conversation.feedback.values[MOTOR_POS.key])
-        if blind
-        else hand.table(hand.read(elements_of(MOTOR_POS)))
-    )
+    if blind:
+        return _motors(hand, conversation.feedback.values[MOTOR_POS.key])
+    return hand.table(hand.read(elements_of(MOTOR_POS)))
 
 
 # -- sensor bias, maximum torque ------------------------------------------------------------------------------------

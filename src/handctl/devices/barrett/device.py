@@ -309,16 +309,12 @@ class BarrettHand(Device):
             printed = found[gcl_name(element)] if gcl_name(element) in POSITIONS else None
             if not self._told_sign and isinstance(printed, dict) and printed[element.index] != reading.value:
                 self._told_sign = True
-                self.journal.info(
-                    "unsigned-position",
-                    f"{'on this device' if self.line.sign else 'this hand prints'} a position below 0 {'has no' if self.line.sign else 'without its'} sign: "
-                    f"{element.part} {printed[element.index]} is {reading.value}"
-                    + (
-                        ""
-                        if self.line.sign
-                        else ", because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)"
-                    ),
-                )
+                text = f"sign: {element.part} {printed[element.index]} is {reading.value}"
+                if self.line.sign:
+                    text = f"on this device a position below 0 has no {text}"
+                else:
+                    text = f"this hand prints a position below 0 without its {text}, because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)"
+                self.journal.info("unsigned-position", text)
 
     def _get(self, line: str, motors: list[int], into: dict[str, dict[int, int] | HandctlError]) -> None:
         verb, *names = line.split()

@@ -184,19 +184,13 @@ class GclLine(Line):
                 self.journal.blame(exc)
             else:  # an answer that the deadline cut short is not to blame
                 text = f"{link.name}: --deadline passed before the hand replied to {command}"
-                error = (
-                    ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
-                    if exc.code == "echo-differs"
-                    else NoAnswer(text, hint="use a longer --deadline", code="deadline")
-                )
+                error = NoAnswer(text, hint="use a longer --deadline", code="deadline")
+                if exc.code == "echo-differs":
+                    error = ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
             if kind.moves:  # whatever still moves must not go on
                 stands = self._stop_motors()
-                told = (
-                    "^C was sent, so the motors should have stopped"
-                    if stands
-                    else f"^C was sent, but the hand did not reply: {OFF}"
-                )
-                error.add_aftermath(Aftermath(hint=told))
+                told = "so the motors should have stopped" if stands else f"but the hand did not reply: {OFF}"
+                error.add_aftermath(Aftermath(hint=f"^C was sent, {told}"))
             raise error from (exc if error is not exc else None)
 
     def _stop_motors(self) -> bool:
