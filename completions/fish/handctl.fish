@@ -364,7 +364,7 @@ function __handctl_node --no-scope-shadowing # PATH: what stands below it; sets 
             set opts '-h	Show this help.' '--help	Show this help.' '--interrupt	Allow a read-only command to interrupt a movement in progress (it sends ^C). Without it the hand keeps moving.'
             set lacks --id
         case 'barrett gcl'
-            set opts '--keep-going	Keep going after an error.' '--file	Send the lines of this script.' '--force	Send values that set would refuse.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Allow a read-only command to interrupt a movement in progress (it sends ^C). Without it the hand keeps moving.'
+            set opts '--keep-going	Keep going after an error.' '--file	Send the lines of this script.' '--force	Send values that set, and openings that open, would refuse.' '-h	Show this help.' '--help	Show this help.' '--interrupt	Allow a read-only command to interrupt a movement in progress (it sends ^C). Without it the hand keeps moving.'
             set takes --file=file
             set args 'none*'
             set lacks --id

@@ -53,7 +53,7 @@ class FamilyRow:
                          what acknowledges them
                 remedies  optional, `REMEDIES`: what a finding means and what to do, see `model.device_picture`
                 outline  optional, in `remedies`, `OUTLINE`: its fingers or joints in their place, see `model.device_picture`
-                page     optional, see `docgen.man_sections`: EXAMPLES, FILES and `section` of its manual page
+                page     optional, see `docgen.man_pages`: EXAMPLES, FILES and `section` of its manual page
     codec     module of its frame, which has the manual's name; `sign` in it says what in bytes that came shows its
               protocol, "" = nothing
     beside    the family that may be behind the same link as well, "" = none

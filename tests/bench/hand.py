@@ -18,8 +18,8 @@ from contextlib import closing
 from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generations import DF, TP
 from handctl.devices.inspire.hand.probe import TARGET
+from handctl.devices.inspire.hand.register_map import DF, TP
 from handctl.devices.inspire.hand.tactile import ZONES, tactile
 from handctl.devices.inspire.id_and_baud_search import FIRST_SECONDS, LATE_SECONDS
 from handctl.devices.inspire.modbus_bus import ModbusBus

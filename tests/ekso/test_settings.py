@@ -14,9 +14,8 @@ from typing import Any
 import pytest
 
 from handctl.devices.ekso.parameter_map import EKSO
-from handctl.devices.ekso.setting_change import Change
+from handctl.devices.ekso.setting_change import Change, differences
 from handctl.devices.ekso.stillness import moving
-from handctl.devices.ekso.write_result import differences
 from handctl.errors import (
     CheckFailed,
     DeviceRefused,

@@ -5,8 +5,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire.hand import probe as field
-from handctl.devices.inspire.hand.generations import DF, DG2, F1, TP
-from handctl.devices.inspire.hand.register_map import STATUS
+from handctl.devices.inspire.hand.register_map import DF, DG2, F1, STATUS, TP
 from handctl.devices.inspire.hand.remedies import REMEDIES
 from handctl.link import ByteLink
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on

@@ -11,8 +11,7 @@ import pytest
 from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.hand import motion
 from handctl.devices.inspire.hand.detect_generation import detect
-from handctl.devices.inspire.hand.generations import DF, DG2, F1, TP
-from handctl.devices.inspire.hand.register_map import BYTE_MAP, MAPS
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, DF, DG2, F1, MAPS, TP
 from handctl.devices.inspire.hand.tactile import ZONES, chosen, tactile
 from handctl.devices.inspire.register_device import encoded
 from handctl.devices.inspire.serial_bus import SerialBus

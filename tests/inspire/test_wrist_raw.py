@@ -43,7 +43,7 @@ PRINTED_CAN = "15038001 [4] FC 18 03 EB"
     ],
 )
 def test_misprints_are_explained(printed: str, words: tuple[str, ...]) -> None:
-    text = raw.misprint(unhex(printed)) or ""
+    text = raw.MISPRINTS.get(unhex(printed)) or ""
     result = run("wrist", "raw", *printed.split(), "-n", "--fake", "--json")
     assert (result.code, result.rows[0]["bytes"]) == (0, printed)
     for word in words:
@@ -91,7 +91,7 @@ def test_the_misprinted_write_sets_what_its_bytes_say() -> None:
 
 @pytest.mark.parametrize("frame", ["EB 90 01 04 30 00 04 04 3D", "EB 90 01 07 31 0E 04 E8 03 18 FC 4A"])
 def test_the_corrected_frames_are_no_misprints(frame: str) -> None:
-    assert raw.misprint(unhex(frame)) is None
+    assert raw.MISPRINTS.get(unhex(frame)) is None
     assert not raw.explained(raw.plan_raw(unhex(frame), False))
 
 

@@ -153,7 +153,7 @@ def test_control_values_have_these_lines(text: str, tmp_path: Path) -> None:
 OWN_TEXTS = {
     "docgen/man_pages.py", "docgen/roff.py", "guides/__init__.py", "newfamily/__main__.py", "sim/cli.py", "tools/help.py",
     "devices/inspire/hand/pairing.py",  # texts of ours
-    "link/port_permissions.py", "link/port_users.py", "system/serial_ports.py",  # what the system says
+    "link/port_users.py", "system/serial_ports.py",  # what the system says
     "tools/plot.py",  # bytes, which have no other line ends
 }  # fmt: skip
 

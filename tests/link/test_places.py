@@ -15,7 +15,7 @@ from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.link import open_link, serial
 from handctl.link.device_lock import canonical, hold
 from handctl.link.link_interface import SCHEMES
-from handctl.link.port_permissions import group_remedy
+from handctl.link.port_users import group_remedy
 from tests.support.cli import PATIENCE, run
 from tests.support.each_row import each_row
 from tests.support.virtual import Answering, virtual_time

@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from handctl.docgen.promises import exceptions
+from handctl.docgen.guide_tables import exceptions
 from tests.promises.cells import tried
 from tests.promises.tables import TABLES
 from tests.support import own_state

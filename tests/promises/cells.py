@@ -13,7 +13,7 @@ import pytest
 
 from handctl.command.command_tree import Command
 from handctl.command.family import Family, load, map_of
-from handctl.docgen import promises, readme_troubleshooting
+from handctl.docgen.guide_tables import SYMPTOMS, exceptions
 from handctl.families import FAMILIES
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of
@@ -97,7 +97,7 @@ def has_serial(family: str) -> bool:
 
 @cache
 def _exempt(family: str, promise: str) -> frozenset[str]:
-    rows = [row for row in promises.exceptions(family) if row.promise == promise]
+    rows = [row for row in exceptions(family) if row.promise == promise]
     return frozenset(word for row in rows for word in re.findall(r"`([^`]+)`", row.where))
 
 
@@ -150,7 +150,7 @@ def commands_in(text: str) -> Iterator[list[str]]:
 
 def step(key: str, family: str, link: str, number: int = 0) -> list[str]:
     """The words of a command of README's next step, for this family and this link."""
-    (row,) = [row for row in readme_troubleshooting.SYMPTOMS if row.key == key]
+    (row,) = [row for row in SYMPTOMS if row.key == key]
     words = list(commands_in(row.step))[number]
     words = [family if word == next(iter(FAMILIES)) else word for word in words]
     return [link if words[place - 1] == "-p" else word for place, word in enumerate(words)]

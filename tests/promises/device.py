@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-from handctl.docgen.readme_troubleshooting import SYMPTOMS
+from handctl.docgen.guide_tables import SYMPTOMS
 from handctl.families import FAMILIES
 from handctl.model.param import TRIGGER
 from tests.contract.facts import facts_of

@@ -12,7 +12,7 @@ from unittest import mock
 import serial
 
 from handctl.command.command_tree import Command
-from handctl.docgen.readme_troubleshooting import SYMPTOMS
+from handctl.docgen.guide_tables import SYMPTOMS
 from handctl.families import FAMILIES
 from handctl.link import port_users, tcp
 from handctl.link.port_users import Process

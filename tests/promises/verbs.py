@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from handctl.docgen.readme_commands import VERBS
+from handctl.docgen.guide_tables import VERBS
 from handctl.families import FAMILIES
 from handctl.model.param import TRIGGER
 from tests.contract.facts import facts_of

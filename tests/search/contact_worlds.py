@@ -11,8 +11,7 @@ from handctl.devices.aidin.device import outside
 from handctl.devices.aidin.parameter_map import FEEDBACK
 from handctl.devices.ekso.parameter_map import MESSAGES, Word
 from handctl.devices.inspire.exo.register_map import EXO
-from handctl.devices.inspire.hand.generations import DF, TP
-from handctl.devices.inspire.hand.register_map import BYTE_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, DF, TP
 from handctl.devices.inspire.register_map import Register
 from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.sim.ekso.device import crc

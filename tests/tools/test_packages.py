@@ -14,7 +14,7 @@ import pytest
 
 from handctl.command.config import from_toml
 from handctl.families import FAMILIES
-from handctl.tools.adapter_chips import CHIPS
+from handctl.tools.port_inventory import CHIPS
 from tests.support.each_row import each_row
 from tests.support.places import PROJECT
 

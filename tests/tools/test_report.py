@@ -20,8 +20,7 @@ from handctl.report import LONGEST, Recorded, environment, explained, port, shor
 from handctl.report.html import Report, page
 from handctl.report.redaction import Privacy
 from handctl.tools import port_inventory
-from handctl.tools.adapter_chips import Chip
-from handctl.tools.port_inventory import Machine, Port
+from handctl.tools.port_inventory import Chip, Machine, Port
 from tests.support.page import Page
 
 OPEN: ParamMap[Param] = ParamMap("exo", [Param(name="speed", doc="", source="")])

@@ -68,7 +68,7 @@ def load(kind: str, role: str) -> Any:
 
 
 def page_of(kind: str) -> Any:
-    """What the pages say of a family, see `docgen.man_sections`; None where it has no such module."""
+    """What the pages say of a family, see `docgen.man_pages`; None where it has no such module."""
     from importlib.util import find_spec
 
     return load(kind, "manpage") if find_spec(FAMILIES[kind].module("manpage")) else None

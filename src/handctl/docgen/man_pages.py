@@ -1,6 +1,10 @@
 """The man pages: handctl(1), one for each top-level command, as git has it, and one of section 7 for each guide.
 
-Everything but the prose of `man_sections` comes from the command tree, the parameter maps, the error tree and the options.
+Everything but the prose at the beginning comes from the command tree, the parameter maps, the error tree and the options.
+
+A page is looked up by its top-level command, "" is handctl(1). A family has its own files and examples in its module
+`manpage`: FILES as here, EXAMPLES as in `command.help_text`, and `section() -> title, paragraphs, (term, text, lines) items` where
+it has more to say; EXCEPTIONS are rows of (key of a promise, commands or options that it does not cover, what they do instead and why), see `guide_tables`.
 """
 
 from __future__ import annotations
@@ -12,7 +16,6 @@ from typing import Any
 from handctl import __version__, errors, guides
 from handctl.command.family import page_of
 from handctl.command.help_text import examples_of
-from handctl.docgen import man_sections
 from handctl.docgen.completion_scripts import mnemonic
 from handctl.docgen.read_command_tree import Node, Option
 from handctl.docgen.roff import Page, bold, escape, italic, marked
@@ -25,6 +28,67 @@ from handctl.wording import sentence
 REFERENCE = re.compile(r"\b(handctl(?:-[a-z]+)*)\(([17])\)")
 EDITION = "2026-11-21"
 """Date of the pages: of their wording, not of the day they are generated."""
+
+LINKS = (
+    ("/dev/ttyUSB0, COM3", "A serial port, opened exclusively. pyserial URLs work too."),
+    ("usb:VID:PID[:SERIAL]", "The serial port of exactly that USB device."),
+    ("tcp://HOST:PORT", "A TCP connection."),
+    (
+        "can:INTERFACE:CHANNEL[?bitrate=N]",
+        "Any python-can interface, such as `can:socketcan:can0` or `can:slcan:/dev/ttyACM0`.",
+    ),
+    (
+        "fake://DEVICE[?KEY=VALUE&...]",
+        "A simulator inside the handctl command itself, which starts afresh with each command. The keys are listed in handctl-sim(1). Plain `--fake` "
+        "keeps the device's state until you log out.",
+    ),
+    ("replay:FILE", "A transcript recorded with `--trace`, replayed in place of the device."),
+)
+
+OUTPUT = (
+    "Data goes to standard output, everything else to standard error. On a terminal the result is a table with lines; on a "
+    "pipe the same columns are aligned with spaces. `--format plain` prints bare values separated by tabs, one row per line.",
+    "`--json` prints one object, even if the command fails: the rows, the messages, the exit code and the counters of "
+    "the line. A stream prints one row per line, then a last line with the object, without rows, under the key `end`. "
+    "JSON is always UTF-8 and contains every character unchanged.",
+    "In all other formats, control characters, bidi marks and bytes that are not UTF-8 are escaped, such as `\\x1b` for "
+    "Escape, so a device cannot control your terminal. If standard output or standard error cannot show a character, handctl "
+    "replaces it: `deg C`, `...`, `sec.`, `#` for a bar, otherwise its number. In CSV, `--no-formulas` puts ' before any "
+    "text that begins with = + - or @ and is not a number.",
+)
+
+SAFETY = (
+    "Many commands start a movement immediately, without asking. Others ask first, and without a terminal they need `--yes`: the "
+    "table in handctl-safety(7) lists both. `--dry-run` prints the exact bytes and sends nothing. Values outside the "
+    "documented range are refused, never clamped. Writes are read back and never retried. Ctrl-C stops a movement as far as "
+    "the device's protocol allows.",
+    "While a command drives a device, a second process keeps the link open. If handctl is killed, that process stops the "
+    "device as `stop` does. It cannot help if everything dies at once: the container, the service, the computer, its "
+    "power. For CAN adapters that use a vendor's library there is no second process, and handctl warns you. "
+    "A command that is only suspended is still alive: run `stop`.",
+)
+
+FILES: dict[str, tuple[tuple[str, str], ...]] = {
+    "devices": (
+        (
+            "$XDG_CONFIG_HOME/handctl/config.toml",
+            "Options by their long names, with _ for -, and the named devices; by default in ~/.config, on Windows in %APPDATA%.",
+        ),
+    ),
+    "shell": (("$XDG_STATE_HOME/handctl/shell-history", "The history of the prompt; by default in ~/.local/state."),),
+    "sim": (
+        (
+            "$XDG_RUNTIME_DIR/handctl/sim-FAMILY.json",
+            "The state of a device simulated with plain --fake; without that variable in /run/user or the temporary folder.",
+        ),
+    ),
+    "completion": (
+        ("$XDG_DATA_HOME/bash-completion/completions/handctl", "Installed for bash; by default in ~/.local/share."),
+        ("$XDG_DATA_HOME/zsh/site-functions/_handctl", "Installed for zsh; by default in ~/.local/share."),
+        ("$XDG_CONFIG_HOME/fish/completions/handctl.fish", "Installed for fish; by default in ~/.config."),
+        ("%LOCALAPPDATA%\\handctl\\handctl.ps1", "Installed for PowerShell on Windows."),
+    ),
+}
 
 
 def pages(tree: Node) -> dict[str, str]:
@@ -55,7 +119,7 @@ def _root(tree: Node) -> str:
         "Each has an environment variable, and a key in the configuration file. The command line goes before the "
         "environment, then comes what a named device says, then the file."
     )
-    for text in man_sections.SAFETY:
+    for text in SAFETY:
         page.para(marked(text))
     page.section("COMMANDS")
     for node in tree.children:
@@ -66,10 +130,10 @@ def _root(tree: Node) -> str:
     page.section("OPTIONS")
     _options(page, tree.options)
     page.section("LINKS")
-    for link, text in man_sections.LINKS:
+    for link, text in LINKS:
         page.item(bold(link), marked(text))
     page.section("OUTPUT")
-    for text in man_sections.OUTPUT:
+    for text in OUTPUT:
         page.para(marked(text))
     return _closing(page, tree, tree)
 
@@ -212,9 +276,9 @@ def _closing(page: Page, node: Node, tree: Node) -> str:
             page.item(bold(variable), text)
 
     def files_of(command: str) -> Sequence[tuple[str, str]]:
-        return _own(command, "FILES") or man_sections.FILES.get(command, ())
+        return _own(command, "FILES") or FILES.get(command, ())
 
-    files = [*files_of(name), *(man_sections.FILES["devices"] if name in FAMILIES else ())]
+    files = [*files_of(name), *(FILES["devices"] if name in FAMILIES else ())]
     if not name:
         files = [entry for child in tree.children for entry in files_of(child.path[0]) if "/" in entry[0]]
     if files:

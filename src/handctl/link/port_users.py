@@ -1,4 +1,4 @@
-"""The processes that have a port open, as the system reports them. Opens nothing.
+"""The processes that have a port open, and the group whose members may open it, as the system reports them. Opens nothing.
 
 `root` is where the system's own files begin: "/" but for tests, which build a small system of their own.
 """
@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from handctl.errors import LinkError
 from handctl.link.link_interface import Link
-from handctl.system.processes import is_ours
+from handctl.system.processes import group_name, is_ours
 from handctl.system.serial_ports import IN_SYS, held_by_name, holders_by_lsof, name_of
 
 ROOT = Path("/")
@@ -198,3 +198,43 @@ def busy(link: str, names: Sequence[Process]) -> LinkError:
     return LinkError(
         f"{link}: the port is in use by {who}", hint="close that program, then run the command again", code="busy"
     )
+
+
+# -- who may open it -------------------------------------------------------------------------------------------------
+
+
+def group_of(path: Path, root: Path = ROOT) -> tuple[int, str] | None:
+    """Number and name of the group that a device file belongs to; None where there are no groups."""
+    try:
+        number = os.stat(path).st_gid
+    except OSError:
+        return None
+    for name, (known, _) in groups(root).items():
+        if known == number:
+            return number, name
+    if root == ROOT:  # a directory service may know more than the file
+        return (number, name) if (name := group_name(number)) else None
+    return None
+
+
+def groups(root: Path = ROOT) -> dict[str, tuple[int, tuple[str, ...]]]:
+    """Group name -> (number, members) from /etc/group; empty where there is none."""
+    found: dict[str, tuple[int, tuple[str, ...]]] = {}
+    try:
+        lines = (root / "etc" / "group").read_text(encoding="utf-8", errors="replace").splitlines()
+    except OSError:
+        return found
+    for line in lines:
+        parts = line.split(":")
+        if len(parts) == 4 and parts[2].isdecimal():
+            found[parts[0]] = (int(parts[2]), tuple(filter(None, parts[3].split(","))))
+    return found
+
+
+def group_remedy(group: str, path: str, *, member: bool = False) -> str:
+    """What to do when a port belongs to `group` and this session does not; `member`: /etc/group lists us there already."""
+    if group in ("", "root"):  # who joins root may do anything, not only open a port
+        return f"the port belongs to root: sudo chmod a+rw {path} (until it is plugged in again)"
+    if member:
+        return f"you are in group {group} already, but not in this session: log out and in again"
+    return f"the port belongs to group {group}: sudo usermod -aG {group} $USER, then log in again"

@@ -16,8 +16,7 @@ import serial
 
 from handctl.errors import Hint, LinkError, UsageError
 from handctl.link.link_interface import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
-from handctl.link.port_permissions import group_of, group_remedy
-from handctl.link.port_users import busy, holders, refuse_held
+from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, serial_ports
 from handctl.system.waits import ended, readable, writable
 from handctl.wording import plural

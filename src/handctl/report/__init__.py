@@ -22,15 +22,7 @@ from handctl import __version__
 from handctl.charts.curves import Curves, outline_svg
 from handctl.command import get_set_watch
 from handctl.command.family import load
-from handctl.errors import (
-    CheckFailed,
-    HandctlError,
-    LinkError,
-    NoAnswer,
-    OutputError,
-    ProtocolError,
-    UsageError,
-)
+from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, why_unwritable, writing
 from handctl.link.link_interface import path_in
@@ -340,9 +332,7 @@ def refuse(path: str, force: bool) -> None:
         raise UsageError(f"{path} is not a file", hint="give the name of a page, such as report.html", code="no-file")
     if os.path.exists(path) and not force:
         raise UsageError(
-            f"{path} already exists",
-            hint="choose another name, or use --force to replace the file",
-            code="file-exists",
+            f"{path} already exists", hint="choose another name, or use --force to replace the file", code="file-exists"
         )
     if why := why_unwritable(path):
         raise OutputError(
@@ -419,10 +409,7 @@ Facts = list[tuple[str, str]]
 
 def environment() -> Facts:
     """System, Python and the versions of the packages that handctl uses."""
-    facts = [
-        ("system", system_name()),
-        ("Python", f"{platform.python_implementation()} {platform.python_version()}"),
-    ]
+    facts = [("system", system_name()), ("Python", f"{platform.python_implementation()} {platform.python_version()}")]
     return facts + [(name, _version(name)) for name in needed()]
 
 

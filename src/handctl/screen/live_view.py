@@ -109,11 +109,7 @@ LEAST = 15
 """Room that bar and sparkline need at least, with the ends of the bar; without it the line is that of a narrow window."""
 BAR, LONGEST = 12, 60
 """Cells of the shortest and the longest bar in a grid, with its ends."""
-SEEN = {
-    "bad": "damaged",
-    "missing": "missing",
-    "skipped": "not shown: newer ones had already arrived",
-}
+SEEN = {"bad": "damaged", "missing": "missing", "skipped": "not shown: newer ones had already arrived"}
 """How a count of values that a device sends unasked is said."""
 HIGHEST = 4
 """Lines of a course, where there is room."""
@@ -755,9 +751,7 @@ def watched(view: View, samples: Generator[Sample, None, None], context: Context
     console = console_on(sys.stdout, context.settings.color)
     tape = LiveRecorder(view, context.command.split()[0])
     drawn, quit_, busy = 0.0, False, False
-    live = Live(
-        view, console=console, auto_refresh=False, screen=True, redirect_stderr=False, redirect_stdout=False
-    )  # fmt: skip
+    live = Live(view, console=console, auto_refresh=False, screen=True, redirect_stderr=False, redirect_stdout=False)
 
     def draw() -> None:
         nonlocal busy
@@ -789,11 +783,7 @@ def watched(view: View, samples: Generator[Sample, None, None], context: Context
         return False
 
     try:
-        with (
-            context.viewed(pressed) as view.keyed,
-            live,
-            contextlib.closing(samples),
-        ):
+        with context.viewed(pressed) as view.keyed, live, contextlib.closing(samples):
             try:
                 for sample in samples:
                     view.add(sample)

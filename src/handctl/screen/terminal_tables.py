@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from itertools import zip_longest
 from typing import IO, TYPE_CHECKING
@@ -13,7 +14,6 @@ from rich.text import Text
 
 from handctl.errors import OutputError
 from handctl.model.result import Cell, Grid
-from handctl.system.terminal import without_color
 
 if TYPE_CHECKING:
     from handctl.screen.render import Sink
@@ -41,7 +41,7 @@ def console_on(file: IO[str], color: str) -> Console:
     """A console on a file that obeys --color (first) and NO_COLOR."""
     return _Console(
         file=file,
-        no_color=without_color(color),
+        no_color=color == "never" or (color == "auto" and bool(os.environ.get("NO_COLOR"))),
         force_terminal=True if color == "always" else None,
         legacy_windows=None if file.isatty() else False,  # no console to ask: colours that are wanted are codes
         highlight=False,
@@ -188,8 +188,7 @@ def only(grid: Grid, kept: Sequence[int]) -> Grid:
 def without_empty(grid: Grid) -> Grid:
     """The grid without the columns that hold nothing."""
     return only(
-        grid,
-        [i for i in range(len(grid.headings)) if i == 0 or any(cell_text(line[i]).plain for line in grid.lines)],
+        grid, [i for i in range(len(grid.headings)) if i == 0 or any(cell_text(line[i]).plain for line in grid.lines)]
     )
 
 

@@ -212,11 +212,8 @@ OF_NOTHING = ("/dev/cu.Bluetooth-Incoming-Port", "/dev/cu.debug-console", "/dev/
 
 def described(port: Any) -> str:
     """A port of pyserial's list by name, maker and USB device: ``COM3  FTDI  usb:0403:6001:A1``."""
-    usb = (
-        ""
-        if port.vid is None
-        else f"usb:{port.vid:04X}:{port.pid:04X}" + (f":{port.serial_number}" if port.serial_number else "")
-    )
+    serial = f":{port.serial_number}" if port.serial_number else ""
+    usb = "" if port.vid is None else f"usb:{port.vid:04X}:{port.pid:04X}{serial}"
     maker = next((text for text in (port.manufacturer, port.product, port.description) if text and text != "n/a"), "")
     return "  ".join(filter(None, (str(port.device), maker, usb)))
 

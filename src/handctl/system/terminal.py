@@ -1,11 +1,12 @@
-"""The terminal: single keys without waiting for a line, line editing at a prompt, colour or none, and pseudo terminals."""
+"""The terminal: single keys without waiting for a line, line editing at a prompt, and pseudo terminals."""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TextIO
 
 BACKGROUND_SECONDS = 0.5
@@ -14,11 +15,6 @@ AT_ONCE = 64
 """Bytes that are taken at once."""
 LONGEST_LINE = 4096
 """Bytes of a line that a terminal hands over."""
-
-
-def without_color(color: str) -> bool:
-    """Whether nothing is coloured: --color (auto, always or never), and for auto the variable NO_COLOR."""
-    return color == "never" or (color == "auto" and bool(os.environ.get("NO_COLOR")))
 
 
 if sys.platform == "win32":
@@ -155,46 +151,40 @@ else:
     """Whether eighths of a block can be shown."""
 
 
-# -- lines at a prompt: history and TAB, where the system has readline; Windows edits lines by itself ----------------
+# -- lines at a prompt: history and TAB ----------------------------------------------------------------------------------
 
 
-if sys.platform == "win32":
+@contextlib.contextmanager
+def edited_lines(history: Path, longest: int, complete: Callable[[str, str], list[str]]) -> Iterator[None]:
+    """While it lasts `input` knows the lines of the file `history`, and TAB; at its end the file has those that were typed.
 
-    def edit_lines(history: str, longest: int, complete: Callable[[str, str], list[str]]) -> bool:
-        """False: there is no readline."""
-        return False
-
-    def keep_history(history: str) -> None: ...
-
-else:
-
-    def edit_lines(history: str, longest: int, complete: Callable[[str, str], list[str]]) -> bool:
-        """From now on `input` knows the lines of the file `history`, and TAB; False where there is no readline.
-
-        `complete` gives for what stands before the cursor, and for the word there, the words that fit.
-        """
-        try:
-            import readline
-        except ImportError:
-            return False
-        with contextlib.suppress(OSError):  # none yet, or one that cannot be read
-            readline.read_history_file(history)
-        readline.set_history_length(longest)
-        readline.set_completer_delims(" ")
-
-        def completer(word: str, state: int) -> str | None:
-            found = complete(readline.get_line_buffer()[: readline.get_endidx()], word)
-            return found[state] if state < len(found) else None
-
-        readline.set_completer(completer)
-        libedit = "libedit" in (readline.__doc__ or "")  # on macOS it stands in for readline
-        readline.parse_and_bind("bind ^I rl_complete" if libedit else "tab: complete")
-        return True
-
-    def keep_history(history: str) -> None:
-        """Write the history, as far as that can be."""
+    `complete` gives for what stands before the cursor, and for the word there, the words that fit. Nothing of all that where
+    there is no readline.
+    """
+    if sys.platform == "win32":  # which edits lines by itself
+        yield
+        return
+    try:
         import readline
+    except ImportError:
+        yield
+        return
+    with contextlib.suppress(OSError):  # none yet, or one that cannot be read
+        history.parent.mkdir(parents=True, exist_ok=True)
+        readline.read_history_file(history)
+    readline.set_history_length(longest)
+    readline.set_completer_delims(" ")
 
+    def completer(word: str, state: int) -> str | None:
+        found = complete(readline.get_line_buffer()[: readline.get_endidx()], word)
+        return found[state] if state < len(found) else None
+
+    readline.set_completer(completer)
+    libedit = "libedit" in (readline.__doc__ or "")  # on macOS it stands in for readline
+    readline.parse_and_bind("bind ^I rl_complete" if libedit else "tab: complete")
+    try:
+        yield
+    finally:
         with contextlib.suppress(OSError):
             readline.write_history_file(history)
 

@@ -108,9 +108,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
         raise UsageError("no family given", hint=f"add one of {', '.join(FAMILIES)}, or --from-scan FILE")
     if "port" not in given:
         raise UsageError(
-            "no LINK given",
-            hint=f"add its link: `handctl devices add {name} {family} -p LINK`",
-            code="no-link",
+            "no LINK given", hint=f"add its link: `handctl devices add {name} {family} -p LINK`", code="no-link"
         )
     check(run, family, given)
     values = {"kind": family, **given}

@@ -28,7 +28,7 @@ from handctl.model.result import Journal, Table
 from handctl.model.scan_task import LABEL_HINT
 from handctl.system import advice
 from handctl.tools import port_problems
-from handctl.tools.doctor_link import LinkChecks, failed_open, host_in, is_local, same_address, subnet
+from handctl.tools.doctor_link import LinkChecks, host_in, is_local, same_address, subnet
 from handctl.tools.family_probe import family_of, has_speed, listened, probe_of, usual_ports, wire_of
 from handctl.tools.port_inventory import GRABBERS, Machine, Port, needed
 from handctl.tools.scan_link import LinkScan
@@ -302,7 +302,8 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
             failure = exc
     if link is None:
         assert failure is not None
-        yield from failed_open(failure)
+        yield Check("open", "fail", failure.text, failure.hint)
+        yield Check("answer", "skipped", "the link is not open")
         yield from subnet(machine, host_in(name), reached=False)
         return
     speed = getattr(link, "baud", None)

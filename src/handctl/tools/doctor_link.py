@@ -629,8 +629,3 @@ def same_address(
 
 def _apart(one: list[int], other: list[int]) -> bool:
     return len(one) != len(other) or any(abs(a - b) > APART for a, b in zip(one, other, strict=False))
-
-
-def failed_open(error: LinkError) -> list[Check]:
-    """The rows of a link that cannot be opened."""
-    return [Check("open", "fail", error.text, error.hint), Check("answer", "skipped", "the link is not open")]

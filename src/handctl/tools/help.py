@@ -26,7 +26,7 @@ HOW = (
     "Each has an environment variable, such as HANDCTL_PORT for --port, and a key in the configuration file. The command "
     "line comes first, then the environment, then the named device, then the file. Only --assume-identity must be typed.\n\n"
     "Each command accepts only the options listed by its `-h`. For example, a command that only reads has no --dry-run."
-)  # fmt: skip
+)
 
 
 @click.command("help", cls=Command, offline=True)

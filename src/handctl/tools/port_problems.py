@@ -6,11 +6,9 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from handctl.link.port_permissions import group_remedy
-from handctl.link.port_users import Process
+from handctl.link.port_users import Process, group_remedy
 from handctl.system import advice
-from handctl.tools.adapter_chips import Chip
-from handctl.tools.port_inventory import CanInterface, Port
+from handctl.tools.port_inventory import CanInterface, Chip, Port
 
 BITRATE = 1_000_000
 """wrist §2.3."""

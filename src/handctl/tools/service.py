@@ -85,7 +85,7 @@ def cli(
     still run. On a terminal it asks for the complaint, and for confirmation before each step. `diff` compares two reports, and `-p replay:FILE.html`
     plays one. Exit code 7 means that something was found or could not be read.
     """
-    from handctl.tools.service_steps import Service, ServiceOptions
+    from handctl.tools.service_steps import Service, ServiceOptions, practise
 
     run.reach(link)
     if demo is None and (finding is not None or seed is not None):
@@ -93,8 +93,6 @@ def cli(
     run.said.include_ids = given["include_ids"]
     wishes = ServiceOptions(STEPS, reads=given.pop("count"), **given)
     if demo is not None:
-        from handctl.tools.service_demo import practise
-
         if link is not None or family is not None or run.settings.port or run.settings.fake:
             raise UsageError("a demo has a simulated device of its own", hint="leave out LINK and --family")
         return practise(run, "" if demo == "any" else demo, finding, seed, wishes)

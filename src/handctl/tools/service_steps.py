@@ -2,11 +2,14 @@
 
 A step that fails is a row like any other finding. What is proposed at the end is the remedy of the most urgent finding, as that
 says it: there is no second table of remedies here. Never writes, never moves.
+
+The faults of a practice (`--demo`) are those of TRAINING_FAULTS in the family's module `remedies`; what each of them is the simulator says.
 """
 
 from __future__ import annotations
 
 import json
+import random
 import shlex
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -16,7 +19,7 @@ import click
 
 from handctl.command import snapshots
 from handctl.command.command_lines import parse_line
-from handctl.command.family import map_of
+from handctl.command.family import load, map_of
 from handctl.command.library_call import Call
 from handctl.command.run import Run
 from handctl.errors import (
@@ -30,8 +33,9 @@ from handctl.errors import (
     joined,
     reworded,
 )
-from handctl.families import SCAN_ORDER
+from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.files import PAGE_DATA, in_page, read_text, text_lines
+from handctl.link.fake import meaning_of
 from handctl.link.transcript import TraceWriter, observed
 from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING, Check, table_of
 from handctl.model.check_rows import view as checks_view
@@ -473,22 +477,15 @@ class Service:
             following["rows"] = visit.privacy.rows(following["rows"])
         facts = [(key.capitalize(), text(service[key] or "none was given")) for key in ("ticket", "complaint")]
         facts += [("Next step", text(service["next"]["text"])), ("Command", following["command"] or "none")]
-        visit.content.service = [
-            Grid(("Service", ""), tuple(facts)),
-            *view(self.rows, self.steps),
-            *compared,
-        ]
+        visit.content.service = [Grid(("Service", ""), tuple(facts)), *view(self.rows, self.steps), *compared]
         visit.content.data["service"] = {**service, "rows": self.rows, "next": following}
         visit.conclude()
         if before and "from" in self.steps.get("watch", {}):
             visit.content.data["watch"] = before.get("watch", [])
             ranges = [f"{row['name']} {row['min']} to {row['max']}" for row in before.get("watch", [])]
             visit.content.missing["Watch"] = f"watched earlier: {', '.join(ranges)}"
-
-        def grids(rows: list[Row]) -> list[Grid]:
-            return [*view(rows, self.steps), *compared]
-
-        table = Table(rows=self.rows, columns=COLUMNS, view=grids, extra=self.more)
+        shown = lambda rows: [*view(rows, self.steps), *compared]  # noqa: E731
+        table = Table(rows=self.rows, columns=COLUMNS, view=shown, extra=self.more)
         self.run.journal.on_message = self.heard
         if self.wishes.written:
             service["report"] = visit.written(path)
@@ -561,15 +558,7 @@ def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
     for name, step in steps.items():
         mine = [row for row in rows if row["step"] == name]
         bad = findings(mine)
-        status = (
-            bad[0]["status"]
-            if bad
-            else SKIPPED
-            if step["state"] == "skipped"
-            else FAIL
-            if step["state"] == "failed"
-            else OK
-        )
+        status = bad[0]["status"] if bad else {"skipped": SKIPPED, "failed": FAIL}.get(step["state"], OK)
         evidence = [row["evidence"] for row in (mine[-1:] if name == FIND else mine)]
         found = joined(*evidence) if len(evidence) <= FEW else plural(len(mine), "check")
         found = plural(len(bad), "finding") if bad else found if mine else ""
@@ -578,3 +567,80 @@ def view(rows: list[Row], steps: dict[str, Row]) -> Iterator[Grid]:
     yield Grid(("Step", "Result", "Found"), tuple(lines))
     if wrong := findings(rows):
         yield from checks_view(wrong)
+
+
+# -- practice: a simulated device has a fault, the trainee says which, and it is checked and explained --------------------
+
+
+SEEDS = 1_000_000
+"""Demos that --seed can tell apart."""
+
+
+def practise(run: Run, kind: str, finding: str | None, seed: int | None, wishes: ServiceOptions) -> Table:
+    """One round. Raises UsageError for a finding that is none of the choices."""
+    seed = random.randrange(SEEDS) if seed is None else seed
+    draw = random.Random(seed)
+    kind = kind or draw.choice(list(FAMILIES))
+    practice: dict[str, str] = load(kind, "remedies").TRAINING_FAULTS
+    faults = tuple(practice)
+    if finding is not None and finding not in faults:
+        raise UsageError(
+            f"--finding {finding}: not a fault in a demo of {kind}", hint=f"give one of {', '.join(faults)}"
+        )
+    fault = draw.choice(faults)
+    run.settings = run.settings._replace(
+        port="&".join(filter(None, (f"fake://{kind}?fault={fault}&clock=virtual", practice[fault])))
+    )
+    run.prompts.moving = False  # progress names the LINK, and that the fault
+    return Demo(run, kind, wishes._replace(written=False), (fault, seed, faults, finding)).carried_out()
+
+
+class Demo(Service):
+    """A service without a report, whose next step is found by the trainee first."""
+
+    def __init__(
+        self, run: Run, kind: str, wishes: ServiceOptions, task: tuple[str, int, tuple[str, ...], str | None]
+    ) -> None:
+        super().__init__(run, kind, wishes)
+        self.fault, self.seed, self.faults, self.finding = task
+        self.family = kind
+
+    def _declined(self, name: str) -> bool:
+        return False
+
+    def _next(self) -> Row:
+        """Ask for the finding, and explain what it was."""
+        prompts = self.run.prompts
+        if self.finding is None and prompts.interactive:
+            for row in findings(self.rows):  # whose LINK would say which fault it is
+                prompts.say(f"{row['step']}: {said_of(row).replace(self.run.link_name(), 'the device')}")
+            for number, name in enumerate(self.faults, 1):
+                prompts.say(f"  {number}  {name}: {meaning_of(self.family, name)}")
+            answer = prompts.text("Which fault does this device have? Type its number or name.")
+            names = dict(zip(map(str, range(1, len(self.faults) + 1)), self.faults, strict=False))
+            self.finding = names.get(answer, answer) or None
+        right = self.finding == self.fault
+        text = f"the fault is {self.fault}: {meaning_of(self.family, self.fault)}"
+        if self.finding is not None:
+            text = f"{'right' if right else f'not {self.finding}'}: {text}"
+        status = SKIPPED if self.finding is None else OK if right else FAIL
+        proposal = self.proposal()
+        self._add("finding", Check("finding", status, text, proposal))
+        self.steps["finding"] = {"state": "done", "code": None} if self.finding else {"state": "skipped", "code": None}
+        prompts.say(f"{sentence(text)} Next: {sentence(proposal)}")
+        return {"text": sentence(proposal), "command": None, "state": "proposed"}
+
+    def _report(self, path: str, old: dict[str, object] | None, before: dict[str, object]) -> Table:
+        """The rows; what decides is whether the finding is right."""
+        right = self.finding == self.fault
+        told = {"family": self.family, "fault": self.fault, "seed": self.seed, "finding": self.finding}
+        self.more["service"]["demo"] = {**told, "right": right if self.finding is not None else None}
+        table = super()._report(path, old, before)
+        if self.ended is None:
+            wrong = CheckFailed(
+                f"the fault is {self.fault}, not {self.finding}",
+                hint=f"--seed {self.seed} repeats it",
+                code="wrong-finding",
+            )
+            table.failure = None if right or self.finding is None else wrong
+        return table

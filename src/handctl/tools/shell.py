@@ -69,27 +69,24 @@ class Shell:
     def run(self) -> None:
         """Take lines until Ctrl-D or `exit`."""
         run = self._run
-        path = state_path("shell-history")
-        with contextlib.suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
-        editing = terminal.edit_lines(str(path), HISTORY, self.candidates)
-        run.prompts.say("Lines are commands without `handctl`. TAB completes them. Ctrl-D or `exit` ends.")
+        try:
+            with terminal.edited_lines(state_path("shell-history"), HISTORY, self.candidates):
+                self._take_lines()
+        finally:
+            failure = self._not_stopped or self._session.close(run.journal)
+        if failure is not None:
+            raise failure
+
+    def _take_lines(self) -> None:
+        self._run.prompts.say("Lines are commands without `handctl`. TAB completes them. Ctrl-D or `exit` ends.")
         try:
             while self._one():
                 pass
-            if self._on_terminal and not is_terminal(
-                sys.stdin
-            ):  # it was closed, which ends the input before the signal comes
+            if self._on_terminal and not is_terminal(sys.stdin):  # closed, which ends the input before the signal comes
                 self._stop_moving()
         except KeyboardInterrupt as exc:
             self._stop_moving()
             raise self._not_stopped or exc from None
-        finally:
-            if editing:
-                terminal.keep_history(str(path))
-            failure = self._not_stopped or self._session.close(run.journal)
-        if failure is not None:
-            raise failure
 
     def _one(self) -> bool:
         """Take a line and carry it out; False at the end."""

@@ -147,9 +147,7 @@ def _kind(run: Run) -> str:
         return settings.kind
     if settings.port is None:
         raise UsageError(
-            "no device given",
-            hint=Hint("give -p LINK or -d NAME (see {})", "devices list"),
-            code="no-link",
+            "no device given", hint=Hint("give -p LINK or -d NAME (see {})", "devices list"), code="no-link"
         )
     simulated = settings.port.removeprefix("fake://").partition("?")[0].rstrip("/")
     return simulated if settings.port.startswith("fake://") and simulated in FAMILIES else ""

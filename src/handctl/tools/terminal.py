@@ -107,12 +107,10 @@ class Keyboard:
             return text.encode() + self._end, None
         found = parse_given(text.removeprefix("hex "))
         if len(found) != 1 or (found[0].can_id is not None) != self._can:
-            hint = (
-                "write IDENTIFIER#DATA, such as 1A3#DEADBEEF"
-                if self._can
-                else "write hexadecimal bytes, such as EB 90 01"
-            )
-            raise UsageError(f"{text!r} is not one {'CAN frame' if self._can else 'stretch of bytes'}", hint=hint)
+            what, form = "stretch of bytes", "hexadecimal bytes, such as EB 90 01"
+            if self._can:
+                what, form = "CAN frame", "IDENTIFIER#DATA, such as 1A3#DEADBEEF"
+            raise UsageError(f"{text!r} is not one {what}", hint=f"write {form}")
         return found[0].data, found[0].can_id
 
     def _judged(self, data: bytes, can_id: int | None) -> tuple[Step, str]:

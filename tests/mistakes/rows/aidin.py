@@ -196,7 +196,7 @@ ROWS = (
         "out of range clamped",
         TARGETS,
         "_kept",
-        "if not limit[0] - slack <= value <= limit[1] + slack:",
+        "if outside(param, index, value):",
         "if value != value:",
         "tests/aidin/test_targets.py::test_what_is_kept_may_jitter_at_its_stop_and_no_more",
     ),

@@ -68,7 +68,7 @@ ROWS = (
     mistake(
         "ctrl-c-behind-the-loop-waits-for-the-end",
         "no stop",
-        "handctl.devices.barrett.realtime.motors_after_loop",
+        "handctl.devices.barrett.proofs",
         "_LeftRunning._go_out",
         "if interrupts.was_interrupted():",
         "if False:",

@@ -43,11 +43,7 @@ cli = Group(
     help=f"Check and move an AIDIN-hand over TCP (-p tcp://HOST, default port {FAMILIES['aidin'].tcp_port}).",
 )
 add_map_verbs(
-    cli,
-    AIDIN,
-    part="PART",
-    example="joint_pos.index sensor_state.fz",
-    without=("set", "snapshot", "diff", "restore"),
+    cli, AIDIN, part="PART", example="joint_pos.index sensor_state.fz", without=("set", "snapshot", "diff", "restore")
 )
 
 

@@ -25,16 +25,7 @@ from handctl.devices.aidin.device import (
 from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
-from handctl.devices.aidin.parameter_map import (
-    AIDIN,
-    MOTOR_POS,
-    STILL,
-    AidinParam,
-    Mode,
-    moving,
-    some,
-    stroke,
-)
+from handctl.devices.aidin.parameter_map import AIDIN, MOTOR_POS, STILL, AidinParam, Mode, moving, some, stroke
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import Aftermath, CheckFailed, Hint, Interrupted, NoAnswer, UsageError, joined
 from handctl.families import FAMILIES
@@ -277,9 +268,7 @@ def _judged(hand: AidinHand, ways: list[TravelDirection], mark: int) -> Table:
     elif unproven:
         table.failure = CheckFailed(
             f"{hand.link.name}: homing is not confirmed for {_count(unproven)}, because nothing shows that they came to rest at their open stop: {_told(unproven)}",
-            hint=(
-                f"{LEFT}. Check that all fingers are fully open and that nothing holds them; if so, the hand is homed. To have that confirmed, close the fingers all the way and home again: each motor must go its whole stroke, and the 0 of one that cannot is not its open stop"
-            ),
+            hint=f"{LEFT}. Check that all fingers are fully open and that nothing holds them; if so, the hand is homed. To have that confirmed, close the fingers all the way and home again: each motor must go its whole stroke, and the 0 of one that cannot is not its open stop",
             code="homing-unproven",
         )
     else:
@@ -398,11 +387,7 @@ def check_homed(hand: AidinHand, *, assume: bool | None) -> None:
             code="not-homed",
         )
     if not any(encoders):
-        hand.journal.warn(
-            "homed-unknown",
-            ALL_ZERO,
-            hint=REMEDIES["all-zero"].hint,
-        )
+        hand.journal.warn("homed-unknown", ALL_ZERO, hint=REMEDIES["all-zero"].hint)
         return
     hand.journal.info(
         "homed-unknown",

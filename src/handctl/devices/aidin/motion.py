@@ -61,8 +61,6 @@ from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import Stopped
 from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
-SLACK = 0.01
-"""Share of a range by which a measured value that is kept may be outside: it is held at the limit then."""
 RADIAN_STEP = 1e-6
 COUPLED = "q4"
 SHOWN = 4
@@ -109,11 +107,11 @@ class Goal:
 
 
 def _kept(param: AidinParam, index: int, value: float) -> float:
+    """A measured value that is commanded again: one that jitters outside its range is held at the limit."""
     limit = param.limit(index)
     if limit is None:
         return value
-    slack = (limit[1] - limit[0]) * SLACK
-    if not limit[0] - slack <= value <= limit[1] + slack:
+    if outside(param, index, value):
         raise CheckFailed(
             f"{param.elements[index]} would be kept at {value:g}, which is outside {limit[0]:g}..{limit[1]:g}",
             hint=Hint(
@@ -201,9 +199,7 @@ def _check(param: AidinParam, values: dict[int, float], *, rad: bool) -> None:
     if param.angles and _fits(param, values, rad=rad):
         hint = f"as {'degrees: leave --rad out' if rad else 'radians they would be in range: add --rad'}. {hint}"
     raise UsageError(
-        f"{some(named, SHOWN)} {'is' if len(named) == 1 else 'are'} out of range",
-        hint=hint,
-        code="out-of-range",
+        f"{some(named, SHOWN)} {'is' if len(named) == 1 else 'are'} out of range", hint=hint, code="out-of-range"
     )
 
 

@@ -20,17 +20,8 @@ from handctl.devices.aidin.device import AidinHand, step_of, stopped_if_cut_shor
 from handctl.devices.aidin.exchange import Wire, values_of
 from handctl.devices.aidin.exchange_settings import PERIOD, ExchangeMode
 from handctl.devices.aidin.homing_and_bias import AT_STOP, check_homed, named
-from handctl.devices.aidin.motion import Goal, ramp
-from handctl.devices.aidin.parameter_map import (
-    AIDIN,
-    ENCODERS,
-    FINGERS,
-    LARGEST_RADIAN,
-    STILL,
-    moving,
-    some,
-    stroke,
-)
+from handctl.devices.aidin.motion import PUSHING, Goal, ramp
+from handctl.devices.aidin.parameter_map import AIDIN, ENCODERS, FINGERS, LARGEST_RADIAN, STILL, moving, some, stroke
 from handctl.errors import CheckFailed, Hint, reworded
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING, Check, table_of
 from handctl.model.param import Number, Step
@@ -47,8 +38,6 @@ TURN = 3 * AMOUNT
 """Share of its range by which no joint turns while its motor goes that way: one that does is driven by something else."""
 FOLLOWS = 0.25
 """Share of its way from which on a motor has moved at all."""
-PUSHING = 200
-"""Per mille of the rated current that a motor does not draw when it moves freely. Ours, as in `motion`."""
 FLOWS = 20
 """The same that is no jitter of the current sensor (2 % of 1000, as for `stop`)."""
 UNEVEN = 2.0

@@ -26,13 +26,16 @@ from handctl.devices.barrett.parameter_map import BARRETT, BAUD_CODES, SPEEDS, c
 from handctl.devices.barrett.realtime.cli import add_realtime
 from handctl.devices.barrett.status_and_parameter_views import GCL, row_of
 from handctl.errors import Hint, UsageError
-from handctl.files import read_text, text_lines
+from handctl.files import read_text, state_path, text_lines
 from handctl.link import ByteLink
 from handctl.model.command_settings import Settings
 from handctl.model.device import limits_of
 from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Journal, Table
+from handctl.system import terminal
 
+HISTORY = 1000
+"""Lines of the prompt that are kept."""
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
 )
@@ -101,12 +104,7 @@ cli = Group(
 
 
 add_map_verbs(
-    cli,
-    BARRETT,
-    typed_asks=False,
-    part="MOTOR",
-    example="P SG.F1 temperature",
-    without=("set", "describe", "restore"),
+    cli, BARRETT, typed_asks=False, part="MOTOR", example="P SG.F1 temperature", without=("set", "describe", "restore")
 )
 
 
@@ -373,7 +371,7 @@ def _prompt(run: Run, *, force: bool) -> Table:
             hint="for --json, -o or a redirected stdout, give the commands as arguments or as a script on stdin",
             code="no-terminal",
         )
-    with passthrough.history():
+    with terminal.edited_lines(state_path("gcl-history"), HISTORY, passthrough.candidates):
         return passthrough.interactive(run, run.device(), input, before)
 
 

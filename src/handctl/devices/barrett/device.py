@@ -314,16 +314,12 @@ class BarrettHand(Device):
             printed = found[gcl_name(element)] if gcl_name(element) in POSITIONS else None
             if not self._told_sign and isinstance(printed, dict) and printed[element.index] != reading.value:
                 self._told_sign = True
-                self.journal.info(
-                    "unsigned-position",
-                    f"{'on this device' if self.line.sign else 'this hand prints'} a position below 0 {'has no' if self.line.sign else 'without its'} sign: "
-                    f"{element.part} {printed[element.index]} is {reading.value}"
-                    + (
-                        ""
-                        if self.line.sign
-                        else ", because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)"
-                    ),
-                )
+                text = f"sign: {element.part} {printed[element.index]} is {reading.value}"
+                if self.line.sign:
+                    text = f"on this device a position below 0 has no {text}"
+                else:
+                    text = f"this hand prints a position below 0 without its {text}, because the joint does not travel that far (barrett §5.3.2, §5.3.4 IOFF)"
+                self.journal.info("unsigned-position", text)
 
     def _get(self, line: str, motors: list[int], into: dict[str, dict[int, int] | HandctlError]) -> None:
         verb, *names = line.split()
@@ -363,7 +359,7 @@ class BarrettHand(Device):
 
     def plan(self, changes: Changes) -> list[Step]:
         """FSET and PSET lines for checked changes: motors that get the same value share a prefix; the speed goes last."""
-        return [_step(text) for text, _ in self._commands(changes)]
+        return [step_of(text) for text, _ in self._commands(changes)]
 
     def _commands(self, changes: Changes) -> list[tuple[str, Changes]]:
         """The lines that write `changes`, each with its changes, in order."""
@@ -437,7 +433,7 @@ class BarrettHand(Device):
         readings = self.read([element for element, _ in changes])
         now = {reading.element.full_name: reading.value for reading in readings}
         for command, mine in commands:
-            step = _step(command)
+            step = step_of(command)
             if all(now[element.full_name] == value for element, value in mine):
                 self.journal.ledger.confirm("read back", step)
             elif all(now[element.full_name] is not None for element, _ in mine):
@@ -495,10 +491,6 @@ class BarrettHand(Device):
 
             findings += [Finding(f"the hand is moving: {motor}", ("moving",)) for motor in look_for_motion(self.line)]
         return self.with_findings(table, findings, check)
-
-
-def _step(text: str) -> Step:
-    return Step(text, encode(text), strands="BAUD" in text.split())
 
 
 def _is_speed(change: tuple[Element, Number]) -> bool:

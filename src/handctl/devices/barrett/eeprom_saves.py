@@ -103,13 +103,7 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
         done.append(verb)
     _count(hand, journal, key, saved | now)
     rows: list[Row] = [
-        {
-            "name": name,
-            "before": None,
-            "last_save": before.get(name),
-            "value": now[name],
-            "default": default_of(name),
-        }
+        {"name": name, "before": None, "last_save": before.get(name), "value": now[name], "default": default_of(name)}
         for name in (changed if before else [name for name, value in now.items() if value != default_of(name)])
     ]
     columns = (

@@ -43,7 +43,7 @@ from handctl.devices.barrett.gcl.codec import (
     values,
 )
 from handctl.devices.barrett.gcl.connect_table import FILL, LOOPED, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.gcl.status_codes import ABORTED, NOT_REACHED, OF_ONE_MOTOR, explain_status
+from handctl.devices.barrett.gcl.status_codes import ABORTED, NOT_INITIALIZED, NOT_REACHED, OF_ONE_MOTOR, explain_status
 from handctl.devices.barrett.parameter_map import BARRETT, GclParam
 from handctl.devices.barrett.realtime.blocks import (
     ACKNOWLEDGE,
@@ -81,8 +81,6 @@ MOST_KNOWN = 1024
 MARK = QUESTION[:1].decode()
 """The question of a connect without what no motor moves by; ERR 32 is how a hand says that it is there."""
 UNKNOWN_COMMAND = 32
-NOT_INITIALIZED = 4
-"""Bit of the status of a motor (barrett §5.1.3)."""
 SIMULATED_MOTORS = {"SPREAD": "S"}
 """How the simulator's control commands call a motor, where that is another name."""
 NAMES = {"\r": "<CR>", "\n": "<LF>", "\x03": "<^C>"}
@@ -200,20 +198,15 @@ def _value(word: str, motor: str, number: int) -> Value:
     return Value(f"{name}.{motor}" if motor else name, number, param.unit if param else None)
 
 
-def _carried(table: Sequence[tuple[str, list[int]]], who: Sequence[str]) -> Iterator[Value]:
-    for word, numbers in table:
-        for motor, number in zip(who, numbers, strict=False):
-            yield _value(word, motor, number)
-
-
 def _written(command: str) -> Iterator[Value]:
     """What FSET and PSET set."""
     prefix, found, words = split(command)
     if found is None or found.name not in ("FSET", "PSET"):
         return
+    who = motors(prefix) if found.name == "FSET" else [""]
     for word, value in zip(words[::2], words[1::2], strict=False):
         if value.isdecimal() and len(value) < 11:
-            yield from _carried([(word, [int(value)] * len(MOTORS))], motors(prefix) if found.name == "FSET" else [""])
+            yield from (_value(word, motor, int(value)) for motor in who)
 
 
 @lru_cache(4096)

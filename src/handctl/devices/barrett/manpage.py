@@ -1,4 +1,4 @@
-"""What the manual page says beside the commands (see `docgen.man_sections`). Data only."""
+"""What the manual page says beside the commands (see `docgen.man_pages`). Data only."""
 
 from handctl.devices.barrett.gcl.connect_table import section
 

@@ -74,13 +74,9 @@ class GclParam(Param):
             digits = text.strip().removeprefix("-")
             if self.scale is not None and digits.count(".") == 1 and digits.replace(".", "").isdecimal():
                 wanted = float(text) * self.scale.over / self.scale.times
-                hint = (
-                    f"{float(text):g} {self.scale.unit} is {self.name}={wanted:.0f}. "
-                    if wanted == round(wanted)
-                    else ""
-                )
                 exc.text = f"{where or self.name} takes a whole number of {self.unit}, not {text}"
-                exc.hint = f"{hint}{exc.hint}"
+                if wanted == round(wanted):
+                    exc.hint = f"{float(text):g} {self.scale.unit} is {self.name}={wanted:.0f}. {exc.hint}"
             raise
 
     def default_of(self, index: int) -> int | None:

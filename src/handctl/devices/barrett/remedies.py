@@ -41,5 +41,5 @@ OUTLINE = Outline(
 )
 """The motors of a BarrettHand in their place: F1 and F2 turn round the palm with the spread, F3 is fixed across from them."""
 
-TRAINING_FAULTS = dict.fromkeys(("hot", "no-board", "no-motor", "unknown-codes", "silent", "noise"), "initialized=1")  # fmt: skip
+TRAINING_FAULTS = dict.fromkeys(("hot", "no-board", "no-motor", "unknown-codes", "silent", "noise"), "initialized=1")
 """Fault of the simulator that a trainee finds by reading alone (`handctl service --demo`) -> what else the simulator is told."""

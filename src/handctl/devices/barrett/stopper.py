@@ -23,15 +23,7 @@ from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.standstill import check_standing
-from handctl.model.stop_sequence import (
-    Pieces,
-    Read,
-    StopContext,
-    Stopped,
-    StopSequence,
-    StopStep,
-    silence,
-)
+from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, StopSequence, StopStep, silence
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
@@ -187,9 +179,8 @@ def _at(
     ended = has_prompt(b"".join(came))
     command = f"{prefix}T"
     risky = bool(prefix) and data == SAFE_ABORT  # three digits before T may be the trigger to a boot monitor
-    if not ended and (risky or (len(waits) == 1 and not came)):
-        return StopAttempt(speed, None, ended, b"".join(came), f"^C{where}")
-    if ended and powered:
+    nobody = not ended and (risky or (len(waits) == 1 and not came))
+    if nobody or (ended and powered):
         return StopAttempt(speed, None, ended, b"".join(came), f"^C{where}")
     step = Step(f"{command}{where}: motor power off", encode(command), moves=True)
     tries = TRIES if ended else 1  # it is there: T goes out again until it is answered

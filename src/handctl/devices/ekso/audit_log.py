@@ -57,6 +57,8 @@ class AuditLog:
     """
 
     personal = True
+    flags, permissions = os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o600
+    unusable = "the audit log cannot be written"
 
     def __init__(
         self, path: Path, always: dict[str, Any], *, memory: AuditLog | None = None, own_hint: str = FILE_HINT
@@ -95,10 +97,10 @@ class AuditLog:
     def _opened(self) -> Iterator[int]:
         """The file, made when there is none; its descriptor is closed at the end. Raises OutputError."""
         try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            fresh = not self.path.exists()
-            file = os.open(self.path, os.O_RDWR | os.O_APPEND | os.O_CREAT | disk.BINARY, 0o600)
+            fresh = self._made()
+            file = os.open(self.path, self.flags | disk.BINARY, self.permissions)
             try:
+                self._look(os.fstat(file), file)
                 if fresh:
                     disk.sync_folder(self.path.parent)
                 yield file
@@ -106,10 +108,16 @@ class AuditLog:
                 os.close(file)
         except OSError as exc:
             raise write_checks.refusal(
-                write_checks.LOG,
-                f"{self.path}: the audit log cannot be written: {exc.strerror or exc}",
-                self._hint,
+                write_checks.LOG, f"{self.path}: {self.unusable}: {exc.strerror or exc}", self._hint
             ) from exc
+
+    def _made(self) -> bool:
+        """Make the folder; whether the file is to be made in it. Raises OSError."""
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        return not self.path.exists()
+
+    def _look(self, found: os.stat_result, file: int) -> None:
+        """Raises OSError where the file is not what it should be: `check` looks at the user's own."""
 
     def unfinished(self) -> dict[str, Any] | None:
         """The intent at the end of the log: a write without a result. None if there is none."""
@@ -206,26 +214,16 @@ class _Readable(AuditLog):
     """The file of another user: nothing is written to it."""
 
     personal = False
-    flags, permissions = os.O_RDONLY, 0
-
-    @contextmanager
-    def _opened(self) -> Iterator[int]:
-        try:
-            file = os.open(self.path, self.flags | disk.NO_LINK | disk.BINARY, self.permissions)
-            try:
-                self._look(os.fstat(file), file)
-                yield file
-            finally:
-                os.close(file)
-        except OSError as exc:
-            raise write_checks.refusal(
-                write_checks.LOG, f"{self.path}: {self.unusable}: {exc.strerror or exc}", SHARED_HINT
-            ) from exc
-
+    flags, permissions = os.O_RDONLY | disk.NO_LINK, 0
     unusable = "the last writes of another user cannot be read"
 
+    def __init__(self, path: Path, always: dict[str, Any]) -> None:
+        super().__init__(path, always, own_hint=SHARED_HINT)
+
+    def _made(self) -> bool:
+        return False  # the system has made the folder
+
     def _look(self, found: os.stat_result, file: int) -> None:
-        """Raises OSError where it is not what it should be."""
         if not stat.S_ISREG(found.st_mode):
             raise OSError(errno.EINVAL, "not a regular file")
 
@@ -237,7 +235,7 @@ class _Readable(AuditLog):
 class Shared(_Readable):
     """This user's file of the last writes."""
 
-    flags, permissions = os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644
+    flags, permissions = AuditLog.flags | disk.NO_LINK, 0o644
     unusable = "the last writes cannot be kept for the other users of this computer"
 
     def __init__(self, always: Mapping[str, Any]) -> None:

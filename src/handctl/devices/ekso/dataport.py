@@ -123,13 +123,7 @@ class DataPort(Line):
     usual_timeout = DEFAULT_TIMEOUT
 
     def __init__(
-        self,
-        link: ByteLink,
-        journal: Journal,
-        *,
-        mode: str = "body",
-        first_id: int = 1,
-        **limits: Any,
+        self, link: ByteLink, journal: Journal, *, mode: str = "body", first_id: int = 1, **limits: Any
     ) -> None:
         super().__init__(link, journal, **limits)
         self.mode = mode

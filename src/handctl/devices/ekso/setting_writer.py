@@ -12,10 +12,9 @@ from handctl.devices.ekso.audit_log import NOT_SENT, AuditLog, recent
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command, Frame
 from handctl.devices.ekso.parameter_map import NOTHING_SENT, SETTINGS, Word, boot_ms
-from handctl.devices.ekso.setting_change import Change
+from handctl.devices.ekso.setting_change import Change, Raws, differences, judge
 from handctl.devices.ekso.stillness import moving
 from handctl.devices.ekso.write_policy import BETWEEN_WRITES, READS_APART, STEP_SECONDS, largest_step, write_limits_of
-from handctl.devices.ekso.write_result import Raws, differences, judge
 from handctl.errors import (
     Aftermath,
     HandctlError,
@@ -310,15 +309,11 @@ class Writer:
     def _result(self, change: Change, answer: Frame | None, after: Raws | None, verdict: str) -> OutputError | None:
         """Record the result. Returns the error of the log, if any; neither that nor Ctrl-C may hide the result."""
         failure: OutputError | None = None
-        said = (
-            {"answer": hex_bytes(answer.data), "status": answer.status}
-            if answer is not None
-            else {"answer": None, "status": None}
-        )
+        data, status = (hex_bytes(answer.data), answer.status) if answer is not None else (None, None)
         back = {p.name: after[p.word] for p in SETTINGS if p.name != PERSONAL} if after is not None else None
         with self._guide.count_interrupts() as presses:
             try:
-                self._record("result", change, **said, read_back=back, verdict=verdict)
+                self._record("result", change, answer=data, status=status, read_back=back, verdict=verdict)
             except OutputError as exc:
                 failure = exc
         self._interrupted = self._interrupted or presses.count > 0

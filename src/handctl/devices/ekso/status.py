@@ -109,10 +109,7 @@ def unfit(data: dict[str, float], settings: dict[str, float]) -> list[Finding]:
         found.append(Finding(text, (key,)))
     if off:
         found.append(
-            Finding(
-                f"{'both hips are' if len(off) == 2 else 'only one hip is'} off: {REMEDIES[key].meaning}",
-                (key,),
-            )
+            Finding(f"{'both hips are' if len(off) == 2 else 'only one hip is'} off: {REMEDIES[key].meaning}", (key,))
         )
     return found
 
@@ -232,18 +229,13 @@ def hip(upper: float, lower: float, pitch: float, hip_angle: float, knee_angle: 
     """(x, y) of one hip in inches before and above the sole."""
     thigh = radians(hip_angle - pitch)
     shank = thigh - radians(knee_angle)
-    return (
-        -upper * sin(thigh) - lower * sin(shank) + FOOT_X,
-        upper * cos(thigh) + lower * cos(shank) + FOOT_Y,
-    )
+    return (-upper * sin(thigh) - lower * sin(shank) + FOOT_X, upper * cos(thigh) + lower * cos(shank) + FOOT_Y)
 
 
 def residuals(values: Mapping[str, float], upper: float, lower: float) -> dict[str, tuple[float, float]]:
     """Side -> (x, y) told minus (x, y) by the angles, in inches. `values` are those of GetData by name."""
     found = {}
     for side in ("left", "right"):
-        x, y = hip(
-            upper, lower, values["torso_pitch"], values[f"{side}_hip_angle"], values[f"{side}_knee_angle"]
-        )  # fmt: skip
+        x, y = hip(upper, lower, values["torso_pitch"], values[f"{side}_hip_angle"], values[f"{side}_knee_angle"])
         found[side] = (values[f"{side}_hip_x"] - x, values[f"{side}_hip_y"] - y)
     return found

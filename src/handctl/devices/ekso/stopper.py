@@ -24,12 +24,8 @@ def stop_steps(context: StopContext) -> StopSequence:
     heard = yield from repeat_until_answered(context, step, lambda came: _answer(request, came), final=_accepted)
     frame, pieces = heard.found, heard.came
     if frame is None:
-        text = (
-            "CancelAction was sent, but the device did not reply"
-            if not pieces
-            else "CancelAction was sent, but no valid reply arrived"
-        )
-        return Stopped(f"{text}. {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
+        instead = "no valid reply arrived" if pieces else "the device did not reply"
+        return Stopped(f"CancelAction was sent, but {instead}. {LIMIT}", HINT, ProtocolError if pieces else NoAnswer)
     if not _accepted(frame):
         return Stopped(f"CancelAction was not accepted: {status_text(frame.status)}. {LIMIT}", HINT, DeviceRefused)
     return Stopped(f"CancelAction was accepted. {LIMIT}", HINT)

@@ -127,9 +127,7 @@ def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, ve
         already = any(message.code == "already" for message in run.journal.messages)
         run.journal.warn(
             "not-saved",
-            f"{rate} bit/s was perhaps not saved. If so, the hand keeps its old baud rate"
-            if already
-            else f"{rate} bit/s is not saved, so the hand keeps its old baud rate",
+            f"{rate} bit/s {'was perhaps not saved. If so,' if already else 'is not saved, so'} the hand keeps its old baud rate",
             hint=Hint("run {}, then power-cycle the hand", f"{device.kind} save --id {device.bus.id}"),
         )
     return table

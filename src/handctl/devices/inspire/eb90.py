@@ -100,8 +100,7 @@ def check_span(address: int, count: int) -> None:
         )
     if address + count > 0x10000:
         raise UsageError(
-            f"{count} bytes at {address} run past address 65535",
-            hint="ask for fewer bytes: addresses have 16 bits",
+            f"{count} bytes at {address} run past address 65535", hint="ask for fewer bytes: addresses have 16 bits"
         )
 
 

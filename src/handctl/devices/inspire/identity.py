@@ -242,14 +242,12 @@ class IdentityCheck:
             return None
         spans = self._bus.at("hand").first_questions
         came = [f"{span[0]}: {hex_bytes(data)}" for span in spans if (data := self.ask("hand", span)) is not None]
-        return (
-            ProtocolError(
-                f"{self._bus.where}: a device replies ({'; '.join(came)}), but not to the reads that show which one it is",
-                hint="check the label on the device, then add --model to read a hand. --assume-identity skips this check",
-                code=NOT_SHOWN,
-            )
-            if came
-            else None
+        if not came:
+            return None
+        return ProtocolError(
+            f"{self._bus.where}: a device replies ({'; '.join(came)}), but not to the reads that show which one it is",
+            hint="check the label on the device, then add --model to read a hand. --assume-identity skips this check",
+            code=NOT_SHOWN,
         )
 
     @property

@@ -158,13 +158,7 @@ class ModbusBus(ByteBus):
         """How the reply to another question differs from one."""
         spans = [modbus_frames.read_request(span[0] // self.per, 1) for span in self.first_questions]
         other = next((span for span in spans if span != pdu), spans[0])
-        try:
-            self.exchange(other)
-        except ProtocolError as exc:
-            return self._differences(other, exc.came)
-        except (NoAnswer, DeviceRefused):
-            pass
-        return ()
+        return self.differs_again(lambda: self.exchange(other), lambda came: self._differences(other, came))
 
     def _differences(self, pdu: bytes, received: bytes) -> list[str]:
         """How one frame in place of the reply to a read differs from that, in ways that a firmware may have; [] = it is none."""

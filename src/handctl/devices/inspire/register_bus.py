@@ -334,6 +334,17 @@ class ByteBus(RegisterBus):
     _empty = False
     """Whether unread input was discarded a moment ago."""
 
+    @staticmethod
+    def differs_again(ask: Callable[[], object], differs: Callable[[bytes], Sequence[str]]) -> Sequence[str]:
+        """How what comes in place of the reply to another question differs from that; () where it is one, or nothing comes."""
+        try:
+            ask()
+        except ProtocolError as exc:
+            return differs(exc.came)
+        except (NoAnswer, DeviceRefused):
+            pass
+        return ()
+
     def drain(self) -> bytes:
         """Discard unread input, such as late replies. Returns and counts it. A second reply to the last read with other data is told."""
         if self._empty:

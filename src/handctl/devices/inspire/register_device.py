@@ -387,15 +387,7 @@ class RegisterDevice(Device):
 
     def runs(self, changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
         """Changes grouped into what one frame may write: adjacent elements of one register group."""
-        groups: list[list[tuple[Element, Number]]] = []
-        for element, value in changes:
-            if groups:
-                last = groups[-1][-1][0]
-                if last.param.name == element.param.name and last.index + 1 == element.index:
-                    groups[-1].append((element, value))
-                    continue
-            groups.append([(element, value)])
-        return groups
+        return grouped(changes, lambda last, one: last.param.name == one.param.name and last.index + 1 == one.index)
 
     def write(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
         """Write checked changes one frame at a time and read all of them back.
@@ -407,8 +399,7 @@ class RegisterDevice(Device):
         if any(element.param.strands for element, _ in changes):
             refuse_duplicate_id(self)
         with self.stopped_by_ctrl_c(
-            ", ".join(element.full_name for element, _ in changes),
-            any(element.param.moves for element, _ in changes),
+            ", ".join(element.full_name for element, _ in changes), any(element.param.moves for element, _ in changes)
         ):
             return self._written(changes)
 
@@ -621,6 +612,28 @@ def _reading(element: Element, memory: Memory) -> Reading:
         error = memory.errors.get(register.name) or NoAnswer(f"{register.name} was not read")
         return Reading(element, None, b"", error)
     return Reading(element, register.decode(data), data)
+
+
+def error_finding(reading: Reading, degrees: Number | None, more: str = "") -> Finding:
+    """The error bits of an actuator, with `more` behind; of an over-temperature with the `degrees` that it has now."""
+    label = reading.element.param.label(reading.value or 0) or ""
+    text = f"{reading.element.part}: {label} (0x{int(reading.value or 0):02X})"
+    if "over_temperature" in label:
+        text += f". over_temperature goes away as it cools, now {degrees} °C"
+    return Finding(text + more, tuple(label.split(", ")))
+
+
+def grouped(
+    changes: Sequence[tuple[Element, Number]], together: Callable[[Element, Element], bool]
+) -> list[list[tuple[Element, Number]]]:
+    """Changes in their order; one that goes `together` with the one before it is in its group."""
+    groups: list[list[tuple[Element, Number]]] = []
+    for change in changes:
+        if groups and together(groups[-1][-1][0], change[0]):
+            groups[-1].append(change)
+        else:
+            groups.append([change])
+    return groups
 
 
 def _names(run: Sequence[tuple[Element, Number]]) -> str:

@@ -11,7 +11,7 @@ from typing import ClassVar
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
 from handctl.devices.inspire.register_bus import AHEAD, FEWER, FRESH, FRESH_SHORT, ByteBus, question
-from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError
+from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
 from handctl.model.frame_decoder import frames_in
@@ -241,23 +241,15 @@ class SerialBus(ByteBus):
 
     def _again(self, request: bytes) -> Sequence[str]:
         """How the reply to another question differs from one."""
-        span = next(
-            span for span in self.first_questions if span[0] // self.per != int.from_bytes(request[5:7], "little")
-        )
-        if not self.quiet(*span):
+        asked = int.from_bytes(request[5:7], "little")
+        address, count = next(span for span in self.first_questions if span[0] // self.per != asked)
+        if not self.quiet(address, count):
             return ()
-        other = eb90.read_request(request[2], span[0] // self.per, span[1], self.read_flag)
-        try:
-            self.exchange(
-                other,
-                [eb90.read_reply_prefix(request[2], span[0] // self.per, span[1], self.read_flag)],
-                reply_size=span[1] + 8,
-            )
-        except ProtocolError as exc:
-            return differences(other, exc.came)
-        except NoAnswer:
-            pass
-        return ()
+        other = request[2], address // self.per, count, self.read_flag
+        again, prefixes = eb90.read_request(*other), [eb90.read_reply_prefix(*other)]
+        return self.differs_again(
+            lambda: self.exchange(again, prefixes, reply_size=count + 8), lambda came: differences(again, came)
+        )
 
     def quiet(self, address: int, count: int) -> bool:
         request = eb90.read_request(self.id, address // self.per, count, self.read_flag)

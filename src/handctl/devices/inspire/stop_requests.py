@@ -15,16 +15,7 @@ from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.standstill import check_standing
 from handctl.model.stop_repetition import after_late_replies, repeat_until_answered
-from handctl.model.stop_sequence import (
-    SILENCE,
-    Pieces,
-    Read,
-    StopContext,
-    Stopped,
-    StopStep,
-    did_not_last,
-    silence,
-)
+from handctl.model.stop_sequence import SILENCE, Pieces, Read, StopContext, Stopped, StopStep, did_not_last, silence
 
 QUICK = 0.05
 """Seconds for an answer that tells one of this maker's devices from another: it must not hold up a stop."""

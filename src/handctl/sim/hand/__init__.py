@@ -15,11 +15,7 @@ WIRES = ("serial", "can", "modbus-tcp")
 FACTS: dict[str, dict[object, str]] = {
     "generation": {"*": "model={}"},
     "protocol": {"*": "speaks={}"},
-    "byte-groups": {
-        "low half first": "",
-        "high half first": "fault=high-half",
-        "one a register": "fault=rtu-unpacked",
-    },
+    "byte-groups": {"low half first": "", "high half first": "fault=high-half", "one a register": "fault=rtu-unpacked"},
     "reads-across-gaps": {"answered": "", "silent": "fault=block-silent"},
     "gap-bytes": {"zeros": "", "silent": "fault=block-silent"},
     "longest-read": {252: "", 12: "fault=block-silent"},

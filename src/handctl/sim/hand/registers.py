@@ -55,14 +55,14 @@ SERIAL_OPTIONS = {
     "result-address": (("own", "1005"), "address in the save result: own (default) or 1005, on f1 and dg2 (one print)"),
     "gap": ((0.1, 3600.0), "seconds of silence after which an unfinished request is forgotten (default 0.1)"),
     "silence": ((0.00175, 1.0), "seconds of silence before and after a Modbus RTU request (default 0.00175)"),
-}  # fmt: skip
+}
 MODBUS_OPTIONS = {
     "most-written": (("120", "123"), "most registers that one Modbus request writes: 120 (default) or 123 (editions differ)"),
 }  # fmt: skip
 CAN_OPTIONS = {
     "bitrate": (("1000000", "500000"), "bitrate at the first start: 1000000 (default) or 500000"),
     "ack": (("count", "empty"), "acknowledgement of a write: count (the bytes written, default) or empty"),
-}  # fmt: skip
+}
 
 FAULTS = {
     "strict": "silence, or a Modbus exception, for a write of anything that cannot be written or is out of range",
@@ -79,9 +79,7 @@ FAULTS = {
     "tactile-dead": "zones without a sign of life: middle tip, thumb, palm",
     "tactile-saturated": "tactile values that are invalid (65280 and above)",
 }
-MODBUS_FAULTS = {
-    "high-half": "the bytes of error, status and temperature words are swapped",
-}
+MODBUS_FAULTS = {"high-half": "the bytes of error, status and temperature words are swapped"}
 SERIAL_FAULTS = {
     "rtu-unpacked": "Modbus RTU shows one error, status or temperature in each register",
     "no-late-frames": "no save result, no end of a calibration",

@@ -12,6 +12,7 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Firmware, Transfer
 from handctl.devices.barrett.gcl.codec import BANNER, CR, PROMPT, has_prompt
+from handctl.devices.barrett.gcl.connect_table import MONITOR_SPEED
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.state_files import forget_download, note_download
 from handctl.devices.barrett.status_and_parameter_views import row_of
@@ -30,7 +31,6 @@ from handctl.link import ByteLink
 from handctl.model.prompts import InterruptCount, Prompts
 from handctl.model.result import Row
 
-MONITOR_SPEED = 9600
 READY_SECONDS = 120.0
 STILL_ON_SECONDS = 10.0
 """The same for a hand that is on while nobody can be asked to switch it off: a script may do it."""
@@ -48,7 +48,6 @@ OFF = (
 ON = "Now switch the power supply ON. The download then starts automatically."
 KEEP_ON = "Keep the power on."
 """CommandLine first in every progress line of a download: half a firmware is none."""
-AGAIN = "check the cable, then run the download again"
 CYCLE = "Switch the power supply OFF, wait 5 seconds, switch it ON."
 MISSED = "The hand started its old firmware, so it was too late for the download. Switch it off and on again."
 AGAIN = "switch the hand off and on, then load the firmware again"

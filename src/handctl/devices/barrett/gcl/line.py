@@ -184,11 +184,9 @@ class GclLine(Line):
                 self.journal.blame(exc)
             else:  # an answer that the deadline cut short is not to blame
                 text = f"{link.name}: --deadline passed before the hand replied to {command}"
-                error = (
-                    ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
-                    if exc.code == "echo-differs"
-                    else NoAnswer(text, hint="use a longer --deadline", code="deadline")
-                )
+                error = NoAnswer(text, hint="use a longer --deadline", code="deadline")
+                if exc.code == "echo-differs":
+                    error = ProtocolError(f"{text}: {exc.text}", hint=exc.hint, code=exc.code)
             if kind.moves:  # whatever still moves must not go on
                 stands = self._stop_motors()
                 told = (
@@ -319,9 +317,7 @@ class GclLine(Line):
         else:
             code, text = "echo-differs", f"the echo differs from {encode(command).hex(' ').upper()}"
         return ProtocolError(
-            f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}",
-            hint=hint,
-            code=code,
+            f"{self.where}{speed}: {text}, received {received[:48].hex(' ').upper()}", hint=hint, code=code
         )
 
     def abort(self) -> Answer | None:

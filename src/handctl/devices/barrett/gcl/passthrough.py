@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.devices.barrett import eeprom_saves
@@ -14,13 +14,12 @@ from handctl.devices.barrett.motion import refuse_typed_harm
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
-from handctl.files import refuse_controls, state_path, unmarked
+from handctl.files import refuse_controls, unmarked
 from handctl.interrupts import reset_interrupts
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table
 from handctl.model.stop_on_interrupt import interrupt_error
-from handctl.system import terminal
 
 if TYPE_CHECKING:
     from handctl.command.run import Run
@@ -294,17 +293,3 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None], 
         if exc.exit_code == 3:
             raise
         run.prompts.say(f"{exc.text}\n  Next: {exc.hint}" if exc.hint else exc.text)
-
-
-@contextmanager
-def history() -> Iterator[None]:
-    """While it lasts the line editor knows the lines typed before, and TAB; they are kept where there is an editor."""
-    path = state_path("gcl-history")
-    with suppress(OSError):
-        path.parent.mkdir(parents=True, exist_ok=True)
-    edits = terminal.edit_lines(str(path), 1000, candidates)
-    try:
-        yield
-    finally:
-        if edits:
-            terminal.keep_history(str(path))

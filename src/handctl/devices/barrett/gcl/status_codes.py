@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from handctl.errors import HandctlError, Hint
 
+NOT_INITIALIZED = 4
+"""Status of a motor that HI has not initialized yet (barrett §5.1.3, T3)."""
 NOT_REACHED = 16
 """Status of M, HOME, IC and IO where a motor did not get to its place (barrett §5.5)."""
 ABORTED = 16384

@@ -225,9 +225,7 @@ def add_care_commands(group: Group) -> None:
             run.only_reads("--move")
             return examine(run.device())
         return PlannedAction(
-            doctor.steps(names, digits),
-            examine,
-            "This moves the hand. Keep people and things out of its reach",
+            doctor.steps(names, digits), examine, "This moves the hand. Keep people and things out of its reach"
         )
 
     @group.verb("first-light", "Service", writes=True, asks=True)

@@ -20,6 +20,7 @@ from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, motors_of
 from handctl.devices.barrett.gcl.session_start import look_for_motion
+from handctl.devices.barrett.gcl.status_codes import NOT_INITIALIZED
 from handctl.devices.barrett.maintenance import health_limits, lubrication, strain_gauges
 from handctl.devices.barrett.maintenance.health_limits import Finding, verdict
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
@@ -133,7 +134,7 @@ def _statuses(patient: ExaminedHand) -> list[Finding]:
     found = [health_limits.motor_status(motor, patient.values["S", motor]) for motor in MOTORS]
     if len({finding.evidence for finding in found}) == 1:
         one = found[0]._replace(check="status", evidence=f"all motors: {found[0].evidence}")
-        if patient.values["S", MOTORS[0]] == health_limits.NOT_INITIALIZED:  # as every hand is after power-on
+        if patient.values["S", MOTORS[0]] == NOT_INITIALIZED:  # as every hand is after power-on
             return [one._replace(status=OK, evidence=f"{one.evidence}, as after power-on")]
         return [one]
     return found
@@ -440,9 +441,7 @@ def table_of(hand: BarrettHand, findings: list[Finding], symptom: str | None, fa
 def view(rows: list[Row]) -> list[Grid]:
     """Check, status and evidence; below them what to do about the findings, then the steps by hand."""
     checks = [row for row in rows if not row["check"].startswith(BY_HAND)]
-    lines = tuple(
-        (row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in checks
-    )  # fmt: skip
+    lines = tuple((row["check"], Cell(row["status"], TONES[row["status"]]), row["evidence"]) for row in checks)
     todo: dict[str, list[str]] = {}
     for row in checks:
         if row["remedy"] and row["status"] != OK:

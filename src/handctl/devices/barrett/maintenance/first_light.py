@@ -14,7 +14,7 @@ from typing import NamedTuple
 from handctl.devices.barrett import proofs
 from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, has_prompt
-from handctl.devices.barrett.gcl.status_codes import explain_status, shows_heat
+from handctl.devices.barrett.gcl.status_codes import NOT_INITIALIZED, explain_status, shows_heat
 from handctl.devices.barrett.maintenance import health_limits, lubrication, signs_of_harm, strain_gauges
 from handctl.devices.barrett.maintenance.diagnose import ExaminedHand, Values, slowest
 from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, travel_seconds
@@ -400,7 +400,7 @@ class FirstLight:
         ):
             text = f"nothing is moved with this: {'; '.join(harmful[:3])}"
             return Outcome(step.proof, REFUSED, None, text, why="settings")
-        if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & health_limits.NOT_INITIALIZED]:
+        if lost := [motor for motor in MOTORS if step.homed and now["S", motor] & NOT_INITIALIZED]:
             return Outcome(step.proof, REFUSED, None, f"{', '.join(lost)}: not initialized, and HI must come first", why="not-initialized")  # fmt: skip
         return None
 

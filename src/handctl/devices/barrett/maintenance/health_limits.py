@@ -21,7 +21,6 @@ WARM_TENTHS, LIMIT_TENTHS = 600, 650
 """Normal up to 60 °C, never above 65 °C (§2)."""
 WARM, LIMIT = f"{WARM_TENTHS / 10:g} °C", f"{LIMIT_TENTHS / 10:g} °C"
 SET_LIMIT = f"barrett set OTEMP={LIMIT_TENTHS}"
-NOT_INITIALIZED = 4
 LEAST_VELOCITY = 40
 """Below it a motor may not overcome its friction (§8)."""
 NO_SENSOR = "power-cycle the hand. If it happens again, ask the vendor about the temperature sensor"
@@ -227,7 +226,7 @@ def _heat(at: At) -> list[Reason]:
     if limit < 300:
         meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
         return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", SET_LIMIT))]  # fmt: skip
-    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]  # fmt: skip
+    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]
 
 
 def _strain(motor: str, at: At) -> list[Reason]:

@@ -235,9 +235,7 @@ def table_of(hand: BarrettHand, care: MaintenanceLog, *, check: bool) -> Table:
 def view(rows: list[Row]) -> list[Grid]:
     """Way per motor, greasing per point, then temperatures and periodic work as notes."""
     at = {(row["name"], row["motor"]): row["value"] for row in rows}
-    way = tuple(
-        (motor, *(str(at[name, motor]) for name in ("odometer", "strokes", "cycles"))) for motor in MOTORS
-    )  # fmt: skip
+    way = tuple((motor, *(str(at[name, motor]) for name in ("odometer", "strokes", "cycles"))) for motor in MOTORS)
     points = [row for row in rows if row.get("due_at")]
     greasing = tuple(
         (row["point"], row["title"], f"{row['value']}", Cell(row["status"], TONES[row["status"]]), row["label"].partition("; ")[2])

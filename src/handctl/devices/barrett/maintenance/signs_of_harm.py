@@ -9,7 +9,7 @@ from __future__ import annotations
 from handctl.devices.barrett import motion
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, shows_heat
+from handctl.devices.barrett.gcl.status_codes import NOT_INITIALIZED, OVER_TEMPERATURE, shows_heat
 from handctl.devices.barrett.maintenance import health_limits
 from handctl.devices.barrett.parameter_map import implausible, unmeasured
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, NoAnswer
@@ -114,12 +114,12 @@ def _judge_way(text: str, name: str, row: Row, before: At, after: At) -> None:
     """Raise SignOfHarm for a motor that is where it cannot be, or on the other side of its start than was commanded."""
     motor, goal = row["motor"], row["target"]
     start, end = before["P", motor], after["P", motor]
-    if after["S", motor] & health_limits.NOT_INITIALIZED:  # its position means nothing
+    if after["S", motor] & NOT_INITIALIZED:  # its position means nothing
         return
     hint = Hint("switch the power supply off, then see {}", "barrett diagnose")
     if implausible(MOTORS.index(motor), end):
         raise SignOfHarm(f"{text}: {motor} reads {end}, where it cannot be", hint=hint, code="unread")
-    if before["S", motor] & health_limits.NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
+    if before["S", motor] & NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
         return
     way = motion.CLOSING.get(name) or (0 if goal is None else goal - start)
     gone = end - start if way < 0 else start - end

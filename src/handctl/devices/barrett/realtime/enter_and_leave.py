@@ -13,6 +13,7 @@ from typing import Any
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import CR, DISTURBED, Answer, encode, has_prompt, status_in
 from handctl.devices.barrett.gcl.connect_table import abort_at, ends_alone
+from handctl.devices.barrett.gcl.status_codes import NOT_INITIALIZED
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Selection, Values, still
 from handctl.devices.barrett.realtime.control_values import Controls
@@ -35,8 +36,6 @@ LEAVING_SECONDS = 3.0
 """How long this command may be silent while it leaves: ^C and T take their time at a slow speed."""
 LATE_SECONDS = 0.5
 """For an answer that is still due when the motors are to be stopped: ^C waits no longer for it, whatever --timeout says."""
-NOT_INITIALIZED = 4
-"""T says so of such a motor and cuts its power all the same (barrett §5.2.1)."""
 
 
 class Session:

@@ -321,12 +321,7 @@ def measured(run: Run, loop: RealtimeLoop, blocks: int, rate: float) -> Table:
     ]  # fmt: skip
     if not rate:
         _advise(run, found)
-    table = Table(
-        rows=rows,
-        columns=(NAME, VALUE, UNIT),
-        extra=found,
-        failure=loop.failure,
-    )
+    table = Table(rows=rows, columns=(NAME, VALUE, UNIT), extra=found, failure=loop.failure)
     table.view = lambda rows: [_rows_grid(rows), _histogram_grid(latency["histogram"])]
     return table
 

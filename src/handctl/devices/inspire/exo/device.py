@@ -15,7 +15,7 @@ from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_bus import may_still_move
-from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn_by_parts
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn_by_parts, error_finding
 from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, DRAWN, OVER_TEMPERATURE
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
@@ -298,10 +298,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         if value is None:
             continue
         if param.bits and value:
-            text = f"{reading.element.part}: {param.label(value)} (0x{int(value):02X})"
-            if "over_temperature" in (param.label(value) or ""):
-                text += f". over_temperature goes away as it cools, now {by_name.get(f'temperature.{reading.element.part}')} °C"
-            found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
+            found.append(error_finding(reading, by_name.get(f"temperature.{reading.element.part}")))
         elif not _plausible(reading):
             text = f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible range'} ({param.source})"
             found.append(Finding(text, ("range" if param.range_text else "supply",)))

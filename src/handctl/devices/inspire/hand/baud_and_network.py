@@ -10,8 +10,7 @@ from ipaddress import IPv4Address
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import id_baud_save_reset
-from handctl.devices.inspire.hand.generations import DF, MODELS, TP
-from handctl.devices.inspire.hand.register_map import IP_ADDRESS
+from handctl.devices.inspire.hand.register_map import DF, IP_ADDRESS, MODELS, TP
 from handctl.errors import CheckFailed, DeviceRefused, Hint, UsageError
 from handctl.families import FAMILIES
 from handctl.model.param import Element, Number

@@ -21,7 +21,6 @@ from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.detect_generation import ModelGate
 from handctl.devices.inspire.hand.device import Hand
-from handctl.devices.inspire.hand.generations import DG2
 from handctl.devices.inspire.hand.model_and_protocol import (
     asks_rtu,
     check_model_and_port,
@@ -32,7 +31,7 @@ from handctl.devices.inspire.hand.model_and_protocol import (
     simulator_options,
     typed_model,
 )
-from handctl.devices.inspire.hand.register_map import BYTE_MAP, HAND_BAUD_RATES
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, DG2, HAND_BAUD_RATES
 from handctl.devices.inspire.register_bus import POWER_OFF, RegisterBus
 from handctl.devices.inspire.register_map import ALONE, address_in
 from handctl.errors import Hint, UsageError
@@ -99,13 +98,7 @@ cli = Group(
     "A hand closes in less than a second. Commands that move it or change it permanently ask first.",
 )
 
-add_map_verbs(
-    cli,
-    BYTE_MAP,
-    part="FINGER",
-    example="angle_actual.index temperature",
-    without=("set",),
-)
+add_map_verbs(cli, BYTE_MAP, part="FINGER", example="angle_actual.index temperature", without=("set",))
 
 
 @cli.verb("set", "Settings", writes=True, asks="(for an angle or a stroke); (for anything else)")

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire import eb90
-from handctl.devices.inspire.hand.generations import DF, DG2, F1, MODELS, TP
+from handctl.devices.inspire.hand.register_map import DF, DG2, F1, MODELS, TP
 from handctl.devices.inspire.identity import (
     BYTE_HAND,
     DG2_HAND,

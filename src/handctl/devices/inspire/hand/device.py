@@ -12,23 +12,29 @@ from typing import Any
 
 from handctl.devices.inspire.duplicate_id import naming_duplicate_id
 from handctl.devices.inspire.hand.detect_generation import LABEL, Found, ModelGate, refuse_other_generation
-from handctl.devices.inspire.hand.generations import DF, DG2, F1, FORCE_MOST, MODELS, THUMB_DEFAULT, TP
 from handctl.devices.inspire.hand.register_map import (
     BYTE_MAP,
+    DF,
+    DG2,
+    F1,
+    FORCE_MOST,
     HAND_BAUD_RATES,
     HAND_CAN_BITRATES,
     IP_ADDRESS,
     MAPS,
+    MODELS,
     NO_MOVE_STATUS,
     OF_BYTES,
     OVER_TEMPERATURE,
+    THUMB_DEFAULT,
     TOO_HOT_TO_MOVE,
+    TP,
     HandRegister,
 )
 from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stranger
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
-from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T
+from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T, error_finding
 from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
@@ -385,12 +391,9 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         if value is None:
             continue
         if param.name == "error" and value:
-            text = f"{part}: {param.label(value)} (0x{int(value):02X})"
-            if int(value) & OVER_TEMPERATURE:
-                text += f". over_temperature goes away as it cools, now {at.get(f'temperature.{part}')} °C"
-            if at.get(f"status.{part}") in NO_MOVE_STATUS:
-                text += f", status {at[f'status.{part}']}"
-            found.append(Finding(text, tuple((param.label(value) or "").split(", "))))
+            status = at.get(f"status.{part}")
+            more = f", status {status}" if status in NO_MOVE_STATUS else ""
+            found.append(error_finding(reading, at.get(f"temperature.{part}"), more))
         elif param.name == "status" and value in NO_MOVE_STATUS and not at.get(f"error.{part}"):
             found.append(Finding(f"{part}: status {value}, {param.label(value)}", (str(param.label(value)),)))
         elif param.name == "temperature" and value != 255 and value >= TOO_HOT_TO_MOVE:

@@ -1,8 +1,7 @@
 """What recorded bytes of the RH56 hands mean, and which of them write: EB 90, CAN, Modbus RTU and Modbus TCP, by the map of their generation."""
 
 from handctl.devices.inspire.explain_bytes import Generation, InspireExplainer, InspireWriteRules
-from handctl.devices.inspire.hand.generations import DF, DG2, F1, TP
-from handctl.devices.inspire.hand.register_map import BYTE_MAP, DG2_MAP, F1_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, DF, DG2, DG2_MAP, F1, F1_MAP, TP
 from handctl.devices.inspire.identity import is_dg2, is_f1, is_six_wide
 
 GENERATIONS = (

@@ -1,4 +1,4 @@
-"""What the manual page says beside the commands (see `docgen.man_sections`). Data only."""
+"""What the manual page says beside the commands (see `docgen.man_pages`). Data only."""
 
 from handctl.devices.inspire.common_cli import settings_examples
 
@@ -18,10 +18,7 @@ EXAMPLES = (
     ("handctl hand get angle_actual temperature --fake", "Show angles and temperatures of all fingers."),
     ("handctl hand watch temperature --rate 20 --count 5 --fake --csv", "Take five samples as CSV."),
     ("handctl hand angle 1000 1000 1000 1000 1000 1000 --wait 5 -p /dev/ttyUSB0", "Open the hand. Asks first."),
-    (
-        "handctl hand angle index=300 -n --fake",
-        "Show the bytes that move the index finger only, and send nothing.",
-    ),
+    ("handctl hand angle index=300 -n --fake", "Show the bytes that move the index finger only, and send nothing."),
     ("handctl hand position -1 -1 -1 500 -1 -1 -n --fake", "Show the bytes and send nothing."),
     ("handctl hand speed 100 100 100 100 100 100 -p /dev/ttyUSB0", "Make the next movement slow."),
     ("handctl hand force 200 200 200 200 200 200 --fake", "Make a closing finger stop at 200 g."),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from handctl.devices.inspire.hand.generations import MODELS, model_of
-from handctl.devices.inspire.hand.register_map import BYTE_MAP, MAPS
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, MAPS, MODELS, model_of
 from handctl.devices.inspire.modbus_frames import RTU, RTU_SPEED, TCP, mode_of
 from handctl.errors import UsageError
 from handctl.families import FAMILIES

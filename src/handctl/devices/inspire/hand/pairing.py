@@ -250,10 +250,7 @@ def _one_address(bench: Bench, link: str, address: str | None) -> list[tuple[Han
         word=new,
     )
     baud_and_network.change_network(hand, octets, prompts, cycled_next=True)
-    _done(
-        bench,
-        f"Power-cycle this hand, and leave the other one off. Then press Enter to look for it at {new}",
-    )
+    _done(bench, f"Power-cycle this hand, and leave the other one off. Then press Enter to look for it at {new}")
     hand.link.power_cycle()
     moved = _wait_for(bench, lambda: bench.elsewhere(target), octets, hand)
     with on_early_end(Aftermath(f"one hand has the address {new} now, and keeps it", joint=". "), by=HandctlError):

@@ -1,4 +1,4 @@
-"""The register maps of the RH56 hands: where each name lives, by generation (rh56 §3). Knows no wire.
+"""The generations of RH56 hands, and their register maps: where each name lives (rh56 §1, §3). Knows no wire.
 
 DF and TP count bytes and share a map; F1 and DG2 count words. A name means the same on all of them. Finger order
 everywhere: little, ring, middle, index, thumb bend, thumb rotation; DG2 has the actuators m1 to m13.
@@ -8,10 +8,28 @@ from __future__ import annotations
 
 from typing import Any
 
-from handctl.devices.inspire.hand.generations import DF, DG2, F1, TP
 from handctl.devices.inspire.register_map import Register
 from handctl.fast_classes import fast_dataclass
 from handctl.model.param import COMMAND, MOVES, SETTING, TRIGGER, ParamMap
+
+DF, TP, F1, DG2 = "df", "tp", "f1", "dg2"
+MODELS = {
+    DF: "RH56DFX, DFQ or BFX (DF)",
+    TP: "RH56DFTP or RH56E2 (TP)",
+    F1: "RH56F1 (F1)",
+    DG2: "RH5DG2 (DG2)",
+}
+"""Generation -> what is sold as it (rh56 §1)."""
+LABELS = {
+    "rh56dfx": DF, "rh56dfq": DF, "rh56bfx": DF, "rh56dftp": TP, "rh56e2": TP, "rh56e2-t1": TP, "rh56f1": F1, "rh56f1-e2": F1,
+    "rh56f1-e4": F1, "rh56h1": F1, "rh5dg2": DG2,
+}  # fmt: skip
+"""The name on a label, in small letters -> generation (rh56 §1)."""
+
+FORCE_MOST = {DF: 1000, TP: 3000}
+"""Grams of a force threshold (rh56 §3.1)."""
+THUMB_DEFAULT = 1500
+"""Grams of the default of DF's thumb pair (rh56 §3.1)."""
 
 FINGERS = ("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation")
 ACTUATORS = tuple(f"m{number}" for number in range(1, 14))
@@ -160,3 +178,9 @@ DG2_MAP = _word_map(DG2, 1, ACTUATORS)
 
 MAPS = {DF: BYTE_MAP, TP: BYTE_MAP, F1: F1_MAP, DG2: DG2_MAP}
 """Generation -> its map."""
+
+
+def model_of(text: str) -> str | None:
+    """``tp``, ``RH56DFTP`` -> generation; None where the label is not known (rh56 §1)."""
+    word = text.strip().casefold()
+    return word if word in MODELS else LABELS.get(word)

@@ -12,9 +12,8 @@ from typing import Any
 
 from handctl.devices.inspire import can_frames, modbus_frames
 from handctl.devices.inspire.hand.detect_generation import KINDS
-from handctl.devices.inspire.hand.generations import DG2, F1
 from handctl.devices.inspire.hand.model_and_protocol import map_of, over_tcp
-from handctl.devices.inspire.hand.register_map import MAPS, HandRegister
+from handctl.devices.inspire.hand.register_map import DG2, F1, MAPS, HandRegister
 from handctl.devices.inspire.identity import STATES, TABLE, is_five_wide, is_six_wide, within
 from handctl.devices.inspire.register_bus import Span
 from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, RTU, TAKEN, TCP, Wire, check_again, lead

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
-from handctl.devices.inspire.hand.generations import DF, MODELS, TP
+from handctl.devices.inspire.hand.register_map import DF, MODELS, TP
 from handctl.errors import DeviceRefused, HandctlError, UsageError
 from handctl.model.result import Cell, Column, Grid, Row, Table, hex_bytes
 from handctl.model.sampling import Sampler

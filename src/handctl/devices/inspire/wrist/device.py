@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 
-from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn, grouped
 from handctl.devices.inspire.register_map import DRAWN, register_of
 from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import CheckFailed, UsageError
@@ -72,13 +72,7 @@ class Wrist(RegisterDevice):
     def runs(self, changes: Sequence[tuple[Element, Number]]) -> list[list[tuple[Element, Number]]]:
         """Angles and time that lie side by side go in one frame (1038..1043); otherwise the time goes first."""
         ordered = sorted(changes, key=lambda change: register_of(change[0]).address)
-        groups: list[list[tuple[Element, Number]]] = []
-        for change in ordered:
-            register = register_of(change[0])
-            if groups and register_of(groups[-1][-1][0]).span.stop == register.address:
-                groups[-1].append(change)
-            else:
-                groups.append([change])
+        groups = grouped(ordered, lambda last, one: register_of(last).span.stop == register_of(one).address)
         return sorted(groups, key=lambda group: group[-1][0].param.name != "move_time")
 
     def plan_typed(self, data: bytes, can_id: int | None) -> tuple[Step, str]:

@@ -15,14 +15,7 @@ __all__ = ["SPEEDS", "ignores_speed", "parse_ids", "sweep"]
 
 WIRES = ("serial", "tcp", "can")
 PING = "current_1024"
-TARGET = Target(
-    WRIST,
-    probe=(1020, 2),
-    twin=(1020, 4),
-    value="pitch_raw",
-    silence_hint=WIRING_HINT,
-    can=(1020, 2),
-)
+TARGET = Target(WRIST, probe=(1020, 2), twin=(1020, 4), value="pitch_raw", silence_hint=WIRING_HINT, can=(1020, 2))
 OWN = Probing(TARGET, live=ITS_CURRENT, long=(1020, 24))
 """One of its currents, and one long answer (wrist §2.1)."""
 probe, ping, identify, further = OWN.probe, OWN.ping, OWN.identify, OWN.further

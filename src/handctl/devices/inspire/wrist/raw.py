@@ -31,11 +31,6 @@ SHARED = range(1020, 1044)
 """Wrist registers; in the hand's space current limits and power-on speeds lie here (RH56 §2.4.7, §2.4.8)."""
 
 
-def misprint(data: bytes) -> str | None:
-    """What a frame that the manual prints wrongly really does; None for any other frame."""
-    return MISPRINTS.get(data)
-
-
 def explained(step: Step) -> bool:
     """Whether a plan's meaning is the explanation of a misprint."""
     return step.meaning in MISPRINTS.values() or step.meaning in CAN_MISPRINTS.values()
@@ -86,7 +81,7 @@ def plan_raw(data: bytes, force: bool, *, only_explain: bool = False) -> Step:
 
     With `only_explain` (a dry run) a misprint is explained also where it would be refused.
     """
-    explained = misprint(data)
+    explained = MISPRINTS.get(data)
     if explained is not None and only_explain:
         return Step(explained, data, moves=True)
     pieces = InspireExplainer(WRIST).decode(data, HOST)
@@ -241,9 +236,7 @@ def plan_hand_writes(hand: Hand, address: int, data: bytes, *, force: bool, undo
     if touches_shared(address, len(data)) and not force:
         raise UsageError(
             f"address {address} of the hand holds current limits and power-on speeds, not the wrist",
-            hint=(
-                "use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. Nothing was sent."
-            ),
+            hint="use `handctl wrist set` or `write` for the wrist. --force-ambiguous writes to the hand anyway. Nothing was sent.",
             code="ambiguous",
         )
     return [_planned(hand, place, part, force, undocumented) for place, part in _in_frames(hand.bus, address, data)]
