@@ -9,8 +9,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.hand import motion
-from handctl.devices.inspire.hand.generations import DF, TP
-from handctl.devices.inspire.hand.register_map import BYTE_MAP
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, DF, TP
 from handctl.model.param import Element
 from handctl.model.prompts import Prompts
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
