@@ -157,8 +157,8 @@ ROWS = (
         "harmful value sent",
         HAND,
         "_check_typed",
-        "check_line(text)",
-        "check_line(text, force=True)",
+        "check(text)",
+        "pass",
         f"{GCL}_a_guarded_value_needs_force_on_every_path",
     ),
     mistake(
@@ -447,8 +447,8 @@ ROWS = (
         "stop not sent",
         "handctl.devices.barrett.realtime.enter_and_leave",
         "Session._go_out",
-        "stands = self.stand(LATE_SECONDS)",
-        "stands = self.stand()",
+        "stood = self.stand(LATE_SECONDS)",
+        "stood = self.stand()",
         "tests/stop/test_realtime_stopping.py::test_an_answer_that_is_still_due_keeps_no_stop_waiting",
     ),
     mistake(

@@ -46,7 +46,7 @@ def load(hand: BarrettHand, commands: Sequence[str], *, simulated: bool) -> Tabl
         loaded = [(element, mine[element.full_name]) for element in _settings() if element.full_name in mine]
         for objection in check_careful(loaded, force=True):
             hint = Hint(
-                "set it again, or {} sets the factory values. Openings that may deform the clutch are refused",
+                "set another value, or {} sets the factory values. Openings that may deform the clutch are refused",
                 "barrett defaults",
             )
             hand.journal.warn("careful", f"{command} has loaded {objection}", hint=hint)

@@ -166,6 +166,9 @@ class Session:
             off = run_stop(hand.link, power_off(context, prefix), ledger=hand.journal.ledger)
             looked = looked._replace(text=f"{looked.text}. {off.text}", error=off.error)
             code = "stopped"
+        hand.line.link.read(
+            hand.line.link.deadline(0.005 + hand.line.wire_seconds(2)), 1
+        )  # the space behind the last prompt
         if looked.error is not None:
             error = looked.error(f"{hand.link.name}: {looked.text}", hint=looked.hint, code=NOT_STOPPED)
             self.moves = error if looked.error is DeviceRefused else None
