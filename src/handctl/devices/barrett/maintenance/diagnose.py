@@ -39,7 +39,7 @@ from handctl.errors import (
     UsageError,
 )
 from handctl.model.check_rows import FAIL, OK, SKIPPED, TONES, WARNING
-from handctl.model.movement import ENDED, REACHED
+from handctl.model.movement import ASTRAY, ENDED, REACHED
 from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
@@ -498,8 +498,11 @@ class Trial(NamedTuple):
 
 
 def _moved(patient: ExaminedHand, digits: str, name: str, argument: int | None, prompts: Prompts) -> list[Row]:
-    """Rows per motor after a movement, wherever it ended; what the hand refuses is raised."""
-    return motion.moved(patient.hand, digits, name, argument, prompts, ENDED).rows
+    """Rows per motor after a movement, wherever it ended, also on the wrong side; what the hand refuses is raised."""
+    table = motion.move(patient.hand, digits, name, argument, prompts, expect=ENDED)
+    if table.failure is not None and table.failure.code != ASTRAY:
+        raise table.failure
+    return table.rows
 
 
 def _timed(patient: ExaminedHand, text: str, prompts: Prompts) -> float:
