@@ -21,8 +21,8 @@ from handctl.link.port_users import handctl_commands, option_in
 from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal
-from handctl.stop import stop_listener
-from handctl.stop.device_access import DeviceAccess
+from handctl.stop import stop_command, stop_listener
+from handctl.stop.device_access import DeviceAccess, lock_for
 from handctl.stop.stop_listener import is_meant
 from tests.stop.bench import PORT, Bench, lock_file
 from tests.support.cli import PATIENCE, Result, run
@@ -284,6 +284,26 @@ def test_what_moves_is_stopped_besides_what_the_holder_reads(bench: Bench, monke
     result = run("stop", "-p", PORT, "--json")
     assert result.code == 0 and heard == ["wrist 1"] and going() == []
     assert {row["bytes"].split()[4] for row in result.rows if not row["reads"]} == {"31"}
+
+
+def test_a_stop_does_not_end_another_stop(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It waits for it: ended in the middle, that one would tell nobody what it has stopped."""
+    bench.there = "exo?"
+    lock = cast(Lock, hold(PORT, "handctl stop", family="exo"))
+    looked: list[str] = []
+
+    def again(run: Invocation, name: str, patience: float | None = None) -> Lock | None:
+        looked.append(name)
+        if len(looked) == 5:
+            lock.release()
+        return lock_for(run, name, patience)
+
+    ended: list[object] = []
+    monkeypatch.setattr(stop_listener, "ask", lambda *_: (True, None))
+    monkeypatch.setattr(stop_command, "lock_for", again)
+    monkeypatch.setattr(stop_command, "_end", lambda _run, who: ended.append(who))
+    result = run("exo", "stop", "-p", PORT, "--json")
+    assert (result.code, stopped_ids(result), ended, len(looked)) == (0, [1], [], 5), result
 
 
 def test_a_holder_that_must_not_be_stopped_is_left_alone(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -75,7 +75,7 @@ def stop(
     if told is not None and told["open"]:
         _take_over(run, told)
         if not told["refused"] and not _is_meant(run, told):
-            other, lock = told, _let_go(run, name, until)
+            other, lock = told, _let_go(run, name, until, AGAIN_SECONDS)
             if other["error"]:
                 run.journal.warn("other-device", f"the device that it was using: {other['text']}", other["hint"])
     if told is None or other is not None or not (told["open"] or told["refused"]):
@@ -278,6 +278,13 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
             with contextlib.suppress(LinkError):
                 return lock_for(run, name), None, True  # it has let go meanwhile
             clock.sleep(TRY_SECONDS)
+    if (
+        who is not None
+        and who.command.endswith(" stop")  # killed in the middle, it would tell nobody what it has stopped
+        and not processes.sleeps(who.pid)
+        and (lock := _let_go(run, name, bound, LAST_STOP_SECONDS)) is not None
+    ):
+        return lock, None, True
     _end(run, who)
     with contextlib.suppress(LinkError):
         # Its last stop goes out first: two on one port take each other's answers, and collide on two wires.
@@ -285,9 +292,9 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
     return None, None, True
 
 
-def _let_go(run: Run, name: str, bound: Deadline | None) -> Lock | None:
-    """The lock, once a holder that has stopped another device than this one has let go of the link; None where it does not."""
-    until = clock.now() + _left(bound, AGAIN_SECONDS)
+def _let_go(run: Run, name: str, bound: Deadline | None, seconds: float) -> Lock | None:
+    """The lock, once a holder that stops, or has stopped another device than this one, has let go of the link; None where it does not."""
+    until = clock.now() + _left(bound, seconds)
     while clock.now() < until:
         try:
             return lock_for(run, name)

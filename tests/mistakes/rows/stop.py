@@ -116,6 +116,15 @@ ROWS = (
         WHICH + "test_a_command_that_no_lock_of_ours_tells_of_is_known_by_its_words",
     ),
     mistake(
+        "stop-ends-another-stop",
+        "killed unasked",
+        "handctl.stop.stop_command",
+        "_ask_holder",
+        'and who.command.endswith(" stop")  # killed in the middle, it would tell nobody what it has stopped',
+        "and False",
+        WHICH + "test_a_stop_does_not_end_another_stop",
+    ),
+    mistake(
         "stop-of-two-names-of-one-port-at-once",
         "two stops collide on one line",
         "handctl.command.several_devices",
