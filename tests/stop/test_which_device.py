@@ -301,6 +301,7 @@ def test_a_stop_does_not_end_another_stop(bench: Bench, monkeypatch: pytest.Monk
     ended: list[object] = []
     monkeypatch.setattr(stop_listener, "ask", lambda *_: (True, None))
     monkeypatch.setattr(stop_command, "lock_for", again)
+    monkeypatch.setattr(stop_command.clock, "sleep", lambda _seconds: None)
     monkeypatch.setattr(stop_command, "_end", lambda _run, who: ended.append(who))
     result = run("exo", "stop", "-p", PORT, "--json")
     assert (result.code, stopped_ids(result), ended, len(looked)) == (0, [1], [], 5), result
