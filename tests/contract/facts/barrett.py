@@ -31,7 +31,7 @@ MOTIONS = {"HI", "C", "O", "M", "IC", "IO", "HOME", "TC", "TO"}
 
 
 class Gcl:
-    """GCL lines are told by their first word; behind LOOP come blocks until ^C; ^C writes while something moves."""
+    """GCL lines are told by their first word; behind LOOP come blocks until ^C; ^C writes while something moves, and where it is repeated."""
 
     def __init__(self, *, stops: bool) -> None:
         self.stops = stops
@@ -46,6 +46,7 @@ class Gcl:
             return False
         if not data.strip(b"\x00\x03"):  # to leave a loop, a zero may go before
             self.moves, self.loop = self.moves or self.loop, False
+            self.stops = self.stops or self.moves
             return self.moves or (self.stops and data[-1:] == b"\x03")
         if self.loop:
             return data not in (b"A", b"a")
