@@ -94,16 +94,19 @@ def output_abandoned() -> bool:
 # -- signals ------------------------------------------------------------------------------------------------------
 
 
-def end_on_signals(*, suspend: bool) -> None:
+def end_on_signals(*, suspend: bool) -> bool:
     """From now on every interrupt raises KeyboardInterrupt; with `suspend` Ctrl-Z does too.
 
-    SIGINT is taken even if it is ignored, as it is in a script's background job, which must be stoppable too.
+    SIGINT is taken even if it is ignored, as it is in a script's background job, which must be stoppable too. Whether one came
+    behind the end of the line before, where it raises nothing: a script that does not look would go on as if nobody had pressed.
     """
+    global _state
     from handctl.system import clock, signals  # noqa: F401 - all that the handler needs: it must not import
 
-    _state.__init__()  # type: ignore[misc]
+    before, _state = _state, _State()
     signals.take(_end, signals.numbers(suspend=suspend))
     signals.listen(_pressed)
+    return before.finishing and before.interrupt_count > 0
 
 
 def _end(_number: int, _frame: Any) -> None:

@@ -225,7 +225,7 @@ def test_the_second_interrupt_ends_it_at_once(
 def test_the_wish_of_another_process_opens_it_again_too(serve: MakeServer) -> None:
     server, lines = serve(2, 1), list[str]()
     link = observed(TcpLink(server.name), TraceWriter(lines.append))
-    hold = DeviceAccess(SimpleNamespace(prompts=Prompts(), settings=Settings(), writes=False, opened=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
+    hold = DeviceAccess(SimpleNamespace(prompts=Prompts(), settings=Settings(), writes=False, opened=None, session=None, family=SimpleNamespace(kind="aidin")), None)  # type: ignore[arg-type]  # fmt: skip
     hold.link = link
     hand = hand_on(link)  # type: ignore[arg-type]
     hand.conversation.send(device.object_of(device.Mode.INITIAL))

@@ -134,7 +134,7 @@ def no_speed(bench: Bench) -> bool:
     return set(bench.ask("get 1522 12").split()) == {"00"} and bench.ask("get 1546 12") != bench.ask("get 1486 12")
 
 
-def rh56(command: str, bench: str, reads: bytes, stop: bytes) -> Drive:
+def rh56(command: str, bench: str, reads: bytes, stop: bytes, times: int = 3) -> Drive:
     """All speeds 0; first the hand is opened again, and made slow."""
     more = " --protocol modbus" if bench == "hand-rtu" else ""
     before = (
@@ -143,7 +143,7 @@ def rh56(command: str, bench: str, reads: bytes, stop: bytes) -> Drive:
         "speed 100 100 100 100 100 100 -y",
     )
     drive = f"{command} -y --wait 30{more}"
-    return Drive(bench, drive, reads, stop, no_speed, "get 1546 12", tuple(f"{one}{more}" for one in before), 3)
+    return Drive(bench, drive, reads, stop, no_speed, "get 1546 12", tuple(f"{one}{more}" for one in before), times)
 
 
 ZEROS = bytes(12)
@@ -180,7 +180,7 @@ DRIVEN = {
 FURTHER = {
     "hand angle over Modbus RTU": rh56(CLOSE, "hand-rtu", frame("01 03 06 0A"), RTU_STOP),
     "hand angle over Modbus TCP": rh56(CLOSE, "hand-tcp", frame("FF 03 06 0A"), TCP_STOP),
-    "hand angle on CAN": rh56(CLOSE, "hand-can", b"T01828001", CAN_STOP),
+    "hand angle on CAN": rh56(CLOSE, "hand-can", b"T01828001", CAN_STOP, 5),  # two are read before it moves
     "wrist move on CAN": Drive(
         "wrist-can", "move --pitch 20 --yaw -20 --time 1500", b"T10FF0001", rb"T10FF0001\w+\s+T15038001",
         at_rest((2000, -2000)), "get 1020 4", ("center --time 100",), 3,

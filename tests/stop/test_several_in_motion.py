@@ -21,6 +21,7 @@ import pytest
 
 import handctl
 from handctl import interrupts
+from handctl.command.command_lines import ScriptLine
 from handctl.command.connection import Connection, Session
 from handctl.errors import STOPPED, Interrupted, LinkError, UsageError
 from handctl.link import deadman, port_users
@@ -101,6 +102,23 @@ def test_ctrl_c_stops_each_device_that_a_line_has_left_moving(
         with mock.patch.object(FakeLink, "sleep", pressed):
             result = run("batch", "-p", f"fake://bus?file={bus(tmp_path)}&clock=virtual", "--json", stdin=script)
     assert (result.code, set(stops_in(sent))) == (code, stops), result
+
+
+def test_ctrl_c_between_two_lines_ends_the_batch(tmp_path: Path) -> None:
+    """Behind the result of a line it raises nothing, and the next line begins to count anew."""
+    carried_out, begun = ScriptLine.run, list[str]()
+
+    def pressed(line: ScriptLine, session: Session, journal: Any) -> None:
+        begun.append(line.command)
+        if len(begun) == 3:
+            signal.raise_signal(signal.SIGINT)
+        carried_out(line, session, journal)
+
+    with noting() as sent, mock.patch.object(ScriptLine, "run", pressed):
+        script = f"{GO} 1\nsleep 0.1\nsleep 30\n{GO} 2"
+        result = run("batch", "-p", f"fake://bus?file={bus(tmp_path)}&clock=virtual", "--json", stdin=script)
+    assert (result.code, begun, stops_in(sent)[-1:]) == (130, ["exo position", "sleep", "sleep"], [EXO_1]), result
+    assert not [data for data in sent if data.hex().startswith("eb900213")], "the line behind it was not sent"
 
 
 def test_a_stop_that_was_not_acknowledged_leaves_the_device_on_the_list(tmp_path: Path) -> None:

@@ -362,7 +362,8 @@ class Run(Invocation):
     @contextmanager
     def shown(self) -> Iterator[None]:
         """Around `carry_out`: answer to signals, close the link, show the table, and raise what went wrong."""
-        end_on_signals(suspend=self.writes)
+        if end_on_signals(suspend=self.writes) and self.session is not None:
+            raise Interrupted("interrupted")
         with self.after_output:
             try:
                 yield

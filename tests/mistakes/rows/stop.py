@@ -116,6 +116,15 @@ ROWS = (
         WHICH + "test_a_command_that_no_lock_of_ours_tells_of_is_known_by_its_words",
     ),
     mistake(
+        "ctrl-c-between-two-lines-of-a-batch-is-lost",
+        "Ctrl-C leaves the device moving",
+        "handctl.command.run",
+        "Run.shown",
+        "if end_on_signals(suspend=self.writes) and self.session is not None:",
+        "if end_on_signals(suspend=self.writes) and False:",
+        f"{SEVERAL}ctrl_c_between_two_lines_ends_the_batch",
+    ),
+    mistake(
         "stop-ends-another-stop",
         "killed unasked",
         "handctl.stop.stop_command",
