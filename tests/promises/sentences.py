@@ -58,7 +58,8 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "stop/test_standstill.py",
         "test_an_exo_holds_each_finger_that_reads_a_position",
     ),
-    "If it no longer replies, handctl cannot tell": (
+    "A device that is slowing down gets up to 0.9 s": ("stop/test_standstill.py", "test_readings_after_a_stop"),
+    "If the device no longer replies, handctl cannot tell": (
         "stop/test_standstill.py",
         "test_a_device_that_is_not_seen_again_is_no_success",
     ),
@@ -71,7 +72,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "stop/test_whose.py",
         "test_where_nobody_answers_the_next_step_is_said",
     ),
-    "That command does so ahead of everything else": ("stop/test_stop.py", "test_"),
+    "That command then stops its device before it does anything else": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the stop was acknowledged": (
         "contract/test_contract.py",
         "test_ctrl_c_in_a_movement_sends_its_stop",
