@@ -6,12 +6,14 @@ What a running command reads, and what an earlier one met last, is no answer to 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from handctl.command import several_devices
 from handctl.command.config import read_config
 from handctl.command.invocation import Invocation
 from handctl.errors import STOPPED, UsageError
@@ -466,7 +468,17 @@ def test_two_names_of_one_port_are_stopped_one_after_the_other(
     on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
     path = tmp_path / "config.toml"
     path.write_text("".join(f"[devices.{name}]\nkind = 'exo'\nport = '{PORT}'\nid = {number}\n" for name, number in (("left", 1), ("right", 2))))  # fmt: skip
+    grouped: list[int] = []
+    lines = several_devices._lines
+
+    def noted(every: Sequence[several_devices.EachDevice]) -> list[list[several_devices.EachDevice]]:
+        found = lines(every)
+        grouped.extend(map(len, found))
+        return found
+
+    monkeypatch.setattr(several_devices, "_lines", noted)
     result = run("stop", "-d", "left,right", "--json", env={"HANDCTL_CONFIG": str(path)})
+    assert grouped == [2], "at once they would fight for the port, and only by luck get out of each other's way"
     assert result.code == 0 and [one["exit_code"] for one in result.json["results"]] == [0, 0], result
     messages = [message["code"] for one in result.json["results"] for message in one["messages"]]
     assert messages == ["stopped", "stopped"], "neither was in the way of the other"
