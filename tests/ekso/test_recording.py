@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import errno
 import json
 import os
 import resource
 import signal
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterator
 from contextlib import nullcontext
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -562,6 +565,49 @@ def test_ctrl_c_and_the_deadline_end_the_wait_for_a_port(tmp_path: Path) -> None
         )  # fmt: skip
         assert isinstance(failure, Interrupted if number == 0 else NoAnswer)
         assert (recording.rows, len(table(tmp_path / f"{number}.csv"))) == (3, 3)
+
+
+def test_whenever_ctrl_c_comes_a_port_that_was_closed_is_a_hole(tmp_path: Path) -> None:
+    """Interrupted at each line of the wait in turn: the port is closed by the first call of `reopen`."""
+    tried = 0
+    for number in count():
+        closed: list[bool] = []
+
+        def reopen(closed: list[bool] = closed) -> bool:
+            closed.append(True)
+            raise LinkError("no such port", code="not-found")
+
+        with interrupted_at("wait_for_port", number) as left:
+            failure, recording, _ = recorded(
+                tmp_path / f"{number}.csv", [*steady(3), (0.0, LinkError("gone", code="lost"))],
+                limits=Limits(silence=0.2), reopen=reopen,
+            )  # fmt: skip
+        if not left:
+            break
+        tried += bool(closed)
+        assert isinstance(failure, Interrupted)
+        assert not closed or [hole.row for hole in recording.timeline.holes] == [None], number
+    assert tried > 5
+
+
+@contextlib.contextmanager
+def interrupted_at(function: str, number: int) -> Iterator[list[int]]:
+    """Raise KeyboardInterrupt at this line, in the order in which they are run, of a function. The list is filled once it was."""
+    raised: list[int] = []
+    lines = count()
+
+    def lines_of(frame: FrameType, event: str, _: object) -> Any:
+        if event == "line" and not raised and next(lines) == number:
+            raised.append(frame.f_lineno)
+            raise KeyboardInterrupt
+        return lines_of
+
+    before = sys.gettrace()
+    sys.settrace(lambda frame, _event, _arg: lines_of if frame.f_code.co_name == function else None)
+    try:
+        yield raised
+    finally:
+        sys.settrace(before)
 
 
 def test_a_reboot_is_a_segment(tmp_path: Path) -> None:

@@ -122,9 +122,9 @@ class Recording:
             self.on_row(sample.moment.middle, text)
         return 0 < before < len(self.timeline.segments)
 
-    def port_lost(self) -> None:
-        """The port was lost: the next row is the first of a segment."""
-        self._reopened = True
+    def port_lost(self, lost: bool = True) -> None:
+        """The port was lost: the next row is the first of a segment, and an end before it is a hole."""
+        self._reopened = lost
 
     def _pending_text(self) -> str:
         return clean("; ".join(mark.text for mark in self.pending))

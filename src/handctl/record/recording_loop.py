@@ -255,16 +255,14 @@ class Loop:
         """Until the port is open again; False where it cannot be. Raises LinkError when the time for that is over."""
         over = min(self._heard + self._limits.silence, self._end)
         told = False
+        self._recording.port_lost()  # before the port is closed: an interrupt at any moment from here finds it noted
         while True:
             try:
                 if not self._source.reopen():
+                    self._recording.port_lost(False)  # this link has no way back: that the log ended by it says all
                     return False
                 break
-            except KeyboardInterrupt:  # while the port that is gone was being closed
-                self._recording.port_lost()
-                raise
             except LinkError as exc:
-                self._recording.port_lost()
                 if (left := over - self._clock.now()) <= 0:
                     raise self._gone(lost, exc) from exc
             if not told:
@@ -273,7 +271,6 @@ class Loop:
             with contextlib.suppress(OSError):
                 self._prompts.progress(f"the port is gone, {left:.0f} s left for its return", ENDS)
             self._clock.sleep(min(RETRY_S, left))
-        self._recording.port_lost()
         self._recording.lost += self._asked
         self._asked = False
         self._prompts.say("The port is open again. The next row starts a segment")
