@@ -97,8 +97,8 @@ def output_abandoned() -> bool:
 def end_on_signals(*, suspend: bool) -> bool:
     """From now on every interrupt raises KeyboardInterrupt; with `suspend` Ctrl-Z does too.
 
-    SIGINT is taken even if it is ignored, as it is in a script's background job, which must be stoppable too. Whether one came
-    behind the end of the line before, where it raises nothing: a script that does not look would go on as if nobody had pressed.
+    SIGINT is taken even if it is ignored, as it is in a script's background job, which must be stoppable too. Returns whether an
+    interrupt came while the previous line was finishing, when it raises nothing: the script must end then as well.
     """
     global _state
     from handctl.system import clock, signals  # noqa: F401 - all that the handler needs: it must not import

@@ -243,7 +243,7 @@ def test_each_id_has_room_for_its_answer_on_the_wire_and_no_more() -> None:
     assert (table.facts["probes"], bench.asked[0], bench.asked[1]) == (255, (115200, 1), (115200, 1))
     assert bench.link.now() == pytest.approx(255 * (190 / 115200 + TURNAROUND) + 0.05 + 0.52, abs=0.05)
     assert table.left == [
-        "all ids a second time, with more room for each reply, as a half-duplex line needs whose delay varies: --all asks so"
+        "all ids a second time, with more room for each reply, as a half-duplex line needs whose delay varies: --all does that"
     ]
 
 

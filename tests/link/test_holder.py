@@ -18,4 +18,4 @@ def test_another_program_with_the_number_of_the_holder_is_not_named(tmp_path: Pa
             holder = device_lock._holder(descriptor)
         finally:
             os.close(descriptor)
-        assert (holder is not None and holder.pid == pid and holder.writes) == known, start
+        assert (holder is not None and holder.pid == pid and holder.use == "writes") == known, start

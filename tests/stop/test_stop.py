@@ -176,7 +176,7 @@ GUARDED = """
 
     name, frame, seconds = sys.argv[1:]
     link = open_link(name)
-    link.held = hold(name, "handctl wrist move", family="wrist", writes=True).descriptors
+    link.held = hold(name, "handctl wrist move", family="wrist", use="writes").descriptors
     def stop(child):
         child.write(bytes.fromhex(frame), child.deadline(1.0))
         child.sleep(float(seconds))

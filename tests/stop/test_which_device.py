@@ -291,7 +291,7 @@ def test_what_moves_is_stopped_besides_what_the_holder_reads(bench: Bench, monke
 def test_a_stop_does_not_end_another_stop(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """It waits for it: ended in the middle, that one would tell nobody what it has stopped."""
     bench.there = "exo?"
-    lock = cast(Lock, hold(PORT, "handctl stop", family="exo"))
+    lock = cast(Lock, hold(PORT, "handctl stop", family="exo", use="stops"))
     looked: list[str] = []
 
     def again(run: Invocation, name: str, patience: float | None = None) -> Lock | None:

@@ -271,7 +271,7 @@ def test_a_program_is_asked_before_it_is_ended_by_force(
     monkeypatch.setattr(processes, "end", end)
     monkeypatch.setattr(processes, "sleeps", lambda _pid: state == "T")
     journal = Journal()
-    _end(cast("Run", SimpleNamespace(journal=journal)), Holder(77, "5", "exo", True, PORT, command))
+    _end(cast("Run", SimpleNamespace(journal=journal)), Holder(77, "5", "exo", "writes", PORT, command))
     assert ends == [(77, "5", asked)]
     (message,) = journal.messages
     assert message.code == "ended" and told in message.text and "by force" in message.text, message

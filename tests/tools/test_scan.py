@@ -323,7 +323,7 @@ def test_a_scan_that_ends_at_a_device_says_what_it_did_not_try(
     link = f"{link}{'&' if '?' in link else '?'}clock=virtual"
     answer = run(*words, "-p", link, "--json")
     assert answer.code == code, answer
-    left = [text for text in answer.json["scan"]["left"] if text.endswith("--all asks there")]
+    left = [text for text in answer.json["scan"]["left"] if text.endswith("--all tries these")]
     assert len(left) == bool(behind) and ("first" in answer.codes()) == bool(behind), answer.json["scan"]
     assert all(text in left[0] for text in behind), left
     assert not code or f"`handctl {answer.rows[0]['family']}`" in answer.error["hint"]

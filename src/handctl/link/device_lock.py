@@ -70,14 +70,14 @@ class Holder(NamedTuple):
 
     start   when the process began, as the system counts; "" where it does not tell
     family  "" for a command that has none, as scan
-    writes  whether the command may write; one that reads stops nothing when it is ended
+    use     of the device: "reads", "writes" or "stops"; a command that only reads stops nothing when it is ended
     link    the LINK as it was given
     """
 
     pid: int
     start: str
     family: str
-    writes: bool
+    use: str
     link: str
     command: str
 
@@ -87,8 +87,7 @@ class Holder(NamedTuple):
     @property
     def line(self) -> str:
         """The line for the lock file: fields separated by tabs."""
-        kind = "writes" if self.writes else "reads"
-        fields = (str(self.pid), self.start, self.family, kind, self.link, self.command)
+        fields = (str(self.pid), self.start, self.family, self.use, self.link, self.command)
         return "\t".join(" ".join(field.split()) for field in fields) + "\n"
 
 
@@ -227,11 +226,11 @@ def hold(
     tcp_port: int | None = None,
     *,
     family: str = "",
-    writes: bool = False,
+    use: str = "reads",
     patience: float | None = None,
     kept: bool = False,
 ) -> Lock | None:
-    """Lock the device at `link`. The file tells later processes the `command`, its `family` and whether it `writes`.
+    """Lock the device at `link`. The file tells later processes the `command`, its `family` and its `use` (see Holder).
 
     `tcp_port` is that of a tcp:// without one, `patience` the seconds for a dead holder's last stop, `kept` whether a simulated
     device is that of several commands. None where there is nothing to lock. Raises InUse naming the holder,
@@ -253,7 +252,7 @@ def hold(
             os.close(descriptor)
             raise InUse(link, holder, path, family) from exc
     lock = Lock(descriptor, path)
-    lock.record(Holder(os.getpid(), processes.began(os.getpid()), family, writes, link, command))
+    lock.record(Holder(os.getpid(), processes.began(os.getpid()), family, use, link, command))
     return lock
 
 
@@ -369,10 +368,10 @@ def _holder(descriptor: int) -> Holder | None:
     fields = _lines(descriptor)[0].split("\t")
     if len(fields) != FIELDS or not fields[0].isdecimal() or len(fields[0]) > 10:
         return None
-    pid, start, family, kind, link, command = fields
+    pid, start, family, use, link, command = fields
     if not processes.lives(int(pid)) or start not in ("", processes.began(int(pid))):
         return None
-    return Holder(int(pid), start, family, kind == "writes", link, command)
+    return Holder(int(pid), start, family, use, link, command)
 
 
 def _way_out(link: str, holder: Holder | None, family: str) -> str:
@@ -384,6 +383,6 @@ def _way_out(link: str, holder: Holder | None, family: str) -> str:
     stops = f"`handctl {f'{kind} ' if kind else ''}stop {where}` stops the device and ends that command"
     if holder is None:
         return f"wait for it, or: {stops}"
-    if holder.writes:
+    if holder.use != "reads":
         return f"wait for it, or: {stops}; kill {holder.pid} ends it as its Ctrl-C does"
     return f"wait for it, or: {stops}; it only reads: kill {holder.pid} ends it and stops nothing on the device"

@@ -49,7 +49,8 @@ class ScanTask:
 
 
 def ended_at_first(journal: Journal, left: list[str], link: str, what: str) -> None:
-    """Tell that the scan of a link ended at the first device, and `what` it did not try, which goes into `left` as well."""
-    text = f"{link}: the scan ended at the first device. It did not try {what}"
-    journal.info("first", text, hint="add --all to look for more")
-    left.append(f"{what}: --all asks there")
+    """Report that the scan of a link ended at the first device, and `what` it has not tried, which goes into `left` as well."""
+    journal.info(
+        "first", f"{link}: the scan ended at the first device. Not tried: {what}", hint="use --all to look for more"
+    )
+    left.append(f"{what}: --all tries these")

@@ -65,7 +65,7 @@ def lock_for(run: Invocation, name: str, patience: float | None = None) -> Lock 
     try:
         lock = hold(
             name, command, run.family.tcp_port,
-            family=run.family.kind, writes=run.may_write, kept=run.keeps, patience=patience,
+            family=run.family.kind, use="stops" if run.stops else "writes" if run.may_write else "reads", kept=run.keeps, patience=patience,
         )  # fmt: skip
     except InUse:
         raise

@@ -280,7 +280,7 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
             clock.sleep(TRY_SECONDS)
     if (
         who is not None
-        and who.command.endswith(" stop")  # killed in the middle, it would tell nobody what it has stopped
+        and who.use == "stops"  # killed in the middle, it would report to nobody what it has stopped
         and not processes.sleeps(who.pid)
         and (lock := _let_go(run, name, bound, LAST_STOP_SECONDS)) is not None
     ):

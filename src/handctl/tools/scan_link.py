@@ -88,15 +88,14 @@ class LinkScan:
         search.expired = self._bound.expired
 
     def _ended(self, steps: Sequence[Step], with_ids: Sequence[str]) -> None:
-        """Tell what was not tried behind the first device: families, and the further ids of those that have ids."""
+        """Report what has not been tried since the first device: families, and the further ids of those that have ids."""
         search, last = self._search, self._before
         asked = {step.family for step in search.met} | ({last.family} if last is not None else set())
         rest = list(dict.fromkeys(step.family for step in steps if step.family not in asked))
-        what = [f"ids other than {(self._ids or [1])[0]}"] if with_ids else []
+        if with_ids:
+            rest.append(f"ids other than {(self._ids or [1])[0]} ({', '.join(dict.fromkeys(with_ids))})")
         if rest:
-            what.append(f"the {'family' if len(rest) == 1 else 'families'} {', '.join(rest)}")
-        if what:
-            ended_at_first(self._run.journal, search.left, search.link, ", and ".join(what))
+            ended_at_first(self._run.journal, search.left, search.link, ", ".join(rest))
 
     def _each(self, steps: Sequence[Step]) -> None:
         """Every family with its usual id, at each of its speeds."""

@@ -58,9 +58,8 @@ def cli(run: Run) -> Table:
             table = stopped_as(run, kind, reached) if kind else None
         others = list(_used_by_others(run))
         if others and not going and table is not None and table.failure is not None and _missed(table):
-            run.journal.warn(
-                "other-device", table.failure.text
-            )  # another device is there now than the one that was met
+            # Another device is there now than the one that was met.
+            run.journal.warn("other-device", table.failure.text)
             table.failure = None
         table = each_stopped(run, others, reached, table)
     # What a command of another user is using is there: nothing else is looked for.
@@ -258,7 +257,7 @@ def _replying_family(run: Run, link: str) -> str | None:
         with ExitStack() as held:
             opened = run.link
             if opened is None:
-                if (lock := hold(link, f"handctl {run.command}", patience=0.0)) is not None:
+                if (lock := hold(link, f"handctl {run.command}", use="stops", patience=0.0)) is not None:
                     held.callback(lock.release)
                 opened = held.enter_context(closing(open_link(link, exclusive=False)))
             else:  # the questions of other families are no writes of this one

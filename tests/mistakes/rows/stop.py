@@ -129,7 +129,7 @@ ROWS = (
         "killed unasked",
         "handctl.stop.stop_command",
         "_ask_holder",
-        'and who.command.endswith(" stop")  # killed in the middle, it would tell nobody what it has stopped',
+        'and who.use == "stops"  # killed in the middle, it would report to nobody what it has stopped',
         "and False",
         WHICH + "test_a_stop_does_not_end_another_stop",
     ),

@@ -454,16 +454,16 @@ class Sweep:
         left = list(self.left)
         if self.task.silence is not None:
             left.append(
-                "all ids a second time, with more room for each reply, as a half-duplex line needs whose delay varies: --all asks so"
+                "all ids a second time, with more room for each reply, as a half-duplex line needs whose delay varies: --all does that"
             )
         if self.task.rows or self.collided or not link.can_set_baud or link.replayed or self.look is None:
             return left
         others = ", ".join(str(speed) for speed in self._hands_speeds if speed != RTU_SPEED)
         if self.eb90 and self.rtu and others:
-            text = f"Modbus RTU at {others} bit/s: if no BarrettHand is on this line, `handctl hand scan --protocol modbus` asks there"
+            text = f"Modbus RTU at {others} bit/s: if no BarrettHand is on this line, `handctl hand scan --protocol modbus` tries it"
             left.append(text)
         unasked = [speed for speed in self._hands_speeds if speed not in speeds and self.task.baud is None]
-        left += [f"{speed} bit/s: `handctl hand scan` asks there" for speed in unasked]
+        left += [f"{speed} bit/s: `handctl hand scan` tries it" for speed in unasked]
         return left
 
     @property
@@ -505,7 +505,7 @@ def _command_for(family: str) -> str:
 
 
 def left_text(speed: int | None, first: int, last: int, family: str) -> str:
-    return f"ids {first} to {last} of {family}{at_text(speed)}: --all asks there"
+    return f"ids {first} to {last} of {family}{at_text(speed)}: --all tries these"
 
 
 def _evidence(probed: str, value: int | None) -> str:
