@@ -32,7 +32,7 @@ pytestmark = [
 
 LOST = "the connection was lost. handctl reconnected"
 TRIED = "tried to reconnect for 1 s"
-POWER = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it still moves"
+POWER = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it is still moving"
 
 
 class Server:

@@ -218,7 +218,7 @@ def slow(until: float) -> ByteLink:
     return Streamer(lambda t: line(at(MID, min(t, until))), 0.1)
 
 
-STANDS = "the motors stand"
+STANDS = "the motors are not moving"
 
 
 @each_row(

@@ -37,7 +37,7 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
-    "`--until` ends them instead": ("kernel/test_limits.py", "test_until_ends_a_stream"),
+    "With `--until`, which takes the same forms": ("kernel/test_limits.py", "test_until_ends_a_stream"),
     "Exit code 7 means that something was found or could not be read": (
         "tools/test_service.py",
         "test_a_step_that_fails_is_a_row_with_its_code",
@@ -50,7 +50,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "stop/test_started_before.py",
         "test_a_script_that_slept_through_a_stop_moves_nothing",
     ),
-    "If the device has a new target, or its position still changes": (
+    "If the device has a new target, or its position is still changing": (
         "stop/test_standstill.py",
         "test_what_moves_slowly_behind_a_stop_is_seen",
     ),

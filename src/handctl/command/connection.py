@@ -382,7 +382,7 @@ class Session:
             known = known or self._opened_for(mover)
         except HandctlError as exc:
             kind = NoAnswer if isinstance(exc, Interrupted) else type(exc)
-            return Stopped(exc.text, joined("switch the power off if the device still moves", exc.hint), kind)
+            return Stopped(exc.text, joined("switch the power off if the device is still moving", exc.hint), kind)
         assert known.link is not None
         stopped = mover.stop(known.link)
         return known.device_access.judged(stopped) if known.device_access is not None else stopped

@@ -34,7 +34,7 @@ def interrupt_error(stopped: Stopped, what: str = "") -> HandctlError:
 
 STOPPED_IT = "handctl has stopped it"
 INTERRUPTED_AGAIN = Stopped(
-    "interrupted again while stopping the device", "switch the power off if the device still moves", NoAnswer
+    "interrupted again while stopping the device", "switch the power off if the device is still moving", NoAnswer
 )
 
 

@@ -113,5 +113,5 @@ def single_write_stop(step: Step, answer: bytes, done: str, context: StopContext
         return Stopped(f"{done}, and acknowledged it")
     error = ProtocolError if heard.came else NoAnswer
     return Stopped(
-        f"{step.meaning} was sent and not acknowledged", "switch the power off if the device still moves", error
+        f"{step.meaning} was sent and not acknowledged", "switch the power off if the device is still moving", error
     )

@@ -140,8 +140,8 @@ FIND_WHO = (
 
 def not_seen_again(stopped: Stopped) -> Stopped:
     """The result of a stop that was acknowledged by a device that does not reply any more."""
-    text = f"{stopped.text}. {SILENCE:g} s later it did not reply, so it is not known whether it still moves"
-    return Stopped(text, "switch the power off if the device still moves", NoAnswer, heard=True)
+    text = f"{stopped.text}. {SILENCE:g} s later it did not reply, so it is not known whether it is still moving"
+    return Stopped(text, "switch the power off if the device is still moving", NoAnswer, heard=True)
 
 
 class Sent(NamedTuple):
@@ -221,7 +221,7 @@ def run_stop(
         with ledger.stopping() if ledger is not None else nullcontext():
             stopped = exchange_steps(link, sequence, sent, plan, until)
     except HandctlError as exc:
-        return Stopped(exc.text, joined("switch the power off if the device still moves", exc.hint), type(exc))
+        return Stopped(exc.text, joined("switch the power off if the device is still moving", exc.hint), type(exc))
     if ledger is not None and stopped.error is None:
         ledger.stopped()
     if ledger is not None and stopped.evidence:
@@ -249,7 +249,7 @@ def exchange_steps(
             if until is not None:
                 if until.expired and (action.reads or not all(one.reads for one in sent)):
                     sequence.close()
-                    return Stopped(TOO_LATE, "switch the power off if the device still moves", NoAnswer)
+                    return Stopped(TOO_LATE, "switch the power off if the device is still moving", NoAnswer)
                 action = action._replace(seconds=min(action.seconds, until.remaining))
             if not action.reads:
                 before(action.step)

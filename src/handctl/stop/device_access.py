@@ -305,7 +305,7 @@ class DeviceAccess:
         if left is None and (
             (self._lock is not None and self._lock.lasting) or (self.link is not None and self.link.now() < self._until)
         ):
-            left = Aftermath(UNSEEN, "switch the power off if the device still moves")
+            left = Aftermath(UNSEEN, "switch the power off if the device is still moving")
         if left is None:
             return stopped
         error = stopped.error or DeviceRefused

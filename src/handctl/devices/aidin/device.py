@@ -264,7 +264,7 @@ AGAIN = 1.0
 """Seconds in which a connection that was lost is opened again, all tries together."""
 TRY = 0.05
 """Seconds from one try to the next."""
-UNTOLD = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it still moves"
+UNTOLD = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it is still moving"
 MENDS = "the connection was lost. This command is reconnecting and will send the stop itself"
 MENDED = "the connection was lost. handctl reconnected"
 

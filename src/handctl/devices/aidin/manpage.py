@@ -25,7 +25,11 @@ EXCEPTIONS = (
         "`home`, `initial`",
         "They do not accept `--expect`, because they have their own check: each motor must come to rest at its origin.",
     ),
-    ("expect", "`check`", "It does not accept `--expect`, because it tests itself whether a motor reaches its target."),
+    (
+        "expect",
+        "`check`",
+        "It does not accept `--expect`, because it already tests whether each motor reaches its target.",
+    ),
 )
 DRY = (
     "initial",

@@ -436,7 +436,7 @@ def _rest(hand: AidinHand, prompts: Prompts) -> Rest:
             raise CheckFailed(
                 f"{hand.link.name}: {named(MOTORS, restless, encoders)}: moving, although nothing was commanded",
                 hint=Hint(
-                    "wait until the hand is still, and do not touch the fingers. If a motor still moves, its encoder loses counts: run {}. Nothing was sent.",
+                    "wait until the hand is still, and do not touch the fingers. If a motor is still moving, its encoder loses counts: run {}. Nothing was sent.",
                     "aidin watch motor_pos",
                 ),
                 code="moving",

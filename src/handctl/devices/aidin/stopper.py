@@ -40,7 +40,7 @@ FLOWED, ENDS, PAUSE = "flowed", "ends", "pause"
 """Keys of the context: the feedback before the stop showed a current, and it ends without a stop, as that of a movement to a
 place does, so that its end shows nothing; what was seen of the noise of the sensors (see `Liveness.pause`)."""
 UNCONFIRMED = "stop was sent repeatedly but is not confirmed"
-HINT = "watch the hand, and switch its power off if it still moves"
+HINT = "watch the hand, and switch its power off if it is still moving"
 
 
 def stop_steps(context: StopContext) -> StopSequence:
@@ -128,7 +128,7 @@ def _judged(
         return not_seen_again(Stopped("stop was sent, and the currents stopped"))
     if not stands:
         text = "stop was sent, and the currents stopped, but the feedback has no motor positions"
-        return Stopped(f"{text}, so it is not known whether the hand still moves", HINT, ProtocolError)
+        return Stopped(f"{text}, so it is not known whether the hand is still moving", HINT, ProtocolError)
     if flowed:
         text = "stop was sent, and the currents stopped: the fingers move freely, and a held object falls"
         return Stopped(text, evidence="the currents stopped")
@@ -138,7 +138,7 @@ def _judged(
         return Stopped(
             f"{text}. So the feedback does not show that the motors are off, nor even that they stand", doubt
         )
-    text = f"stop was sent, the motors stand, and {none}. It was not seen that the stop ended one"
+    text = f"stop was sent, the motors are not moving, and {none}. It was not seen that the stop ended one"
     return Stopped(f"{text}, so the feedback does not show that the motors are off", doubt)
 
 

@@ -36,7 +36,7 @@ CTRL_C_KEEPS_POWER = True
 """Ctrl-C in a movement sends ^C and no T: the motors that HOLD keeps powered hold what the hand has gripped (barrett §5.5)."""
 NOISE = 5
 """Counts between two readings at rest. The slowest velocity, 1/16 count per sample, goes 70 in the time between them."""
-OFF = "switch the power supply off if the hand still moves"
+OFF = "switch the power supply off if the hand is still moving"
 
 
 class StopAttempt(NamedTuple):
@@ -121,7 +121,7 @@ class _Look:
         """See `check_standing`; a hand that did reply, and not as it should, is no silent one."""
         looked, places = yield from check_standing(stopped, self.places, NOISE, strange=_unasked)
         if looked.error is NoAnswer and self._came:
-            text = f"{stopped.text}. Its positions could not be read ({_shown(self._came)}), so it is not known whether it still moves"
+            text = f"{stopped.text}. Its positions could not be read ({_shown(self._came)}), so it is not known whether it is still moving"
             looked = looked._replace(text=text, error=ProtocolError)
         return looked, places
 

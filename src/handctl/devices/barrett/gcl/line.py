@@ -510,7 +510,7 @@ def _speaks_of_restart(data: bytes, command: str) -> bool:
 
 RESTART_HINT = Hint("run {} before any movement. Values that were not saved are lost", "barrett init")
 COLON_ALONE = 0.05
-OFF = "switch the power supply off if anything still moves"
+OFF = "switch the power supply off if anything is still moving"
 
 
 def _has_form_of(answer: Answer, second: Answer) -> bool:

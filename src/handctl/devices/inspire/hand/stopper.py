@@ -26,9 +26,9 @@ BRIEF = 0.3
 """Seconds for each protocol where both are tried, before both are tried for longer."""
 NOISE = 3
 """Counts of 1000: the reading of a resting finger changes by no more (45 to 47: rh56 §6)."""
-POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand still moves"
+POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand is still moving"
 GOES_ON = "With a new speed the fingers may move on to their last target"
-LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it still moves"
+LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it is still moving"
 REFUSED_IT = Stopped("the hand refused speed 0", POWER, DeviceRefused)
 BY_GATEWAY = {
     modbus_frames.NO_PATH: Stopped("the gateway cannot reach the hand, so speed 0 did not arrive", POWER, LinkError),

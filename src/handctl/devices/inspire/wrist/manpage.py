@@ -6,7 +6,11 @@ EXCEPTIONS = (
         "`diff`, `restore`",
         "The module stores no settings, so these commands end with exit code 2. With `--setpoints`, they use the set points instead.",
     ),
-    ("hot", "`clear-errors`", "The module does not have this command: its manual has none that clears errors."),
+    (
+        "hot",
+        "`clear-errors`",
+        "This command does not exist for the module, because its manual documents no way to clear errors.",
+    ),
 )
 SNAPSHOT_OPTION = " --setpoints"
 """In the examples of `diff` and `restore`: a wrist has nothing else to compare."""

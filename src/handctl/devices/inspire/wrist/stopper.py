@@ -38,7 +38,7 @@ NOISE = 5
 """0.01 degrees: the reading of a resting axis changes by no more."""
 AXES = ("pitch", "yaw")
 """In the order of the actual angles; the set angles lie the other way round (wrist §2.1)."""
-POWER = "switch the power off if it still moves"
+POWER = "switch the power off if it is still moving"
 
 
 def stop_steps(context: StopContext) -> StopSequence:
