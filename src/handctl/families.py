@@ -219,7 +219,7 @@ TOOLS: dict[str, dict[str, tuple[str, str]]] = {
     "Find and diagnose": {
         "ports": ("handctl.tools.ports", "list serial ports and CAN interfaces, and the programs that use them"),
         "scan": ("handctl.tools.scan", "detect the device on a port: family, baud rate, id"),
-        "top": ("handctl.tools.top", "show all named devices live, with the one that needs attention first"),
+        "top": ("handctl.tools.top", "show all named devices live, those that need attention at the top"),
         "history": ("handctl.tools.history", "show what handctl wrote to devices earlier, and when"),
         "prove": ("handctl.tools.prove", "find out by experiment what the documents leave open about a device"),
         "doctor": ("handctl.tools.doctor", "check this computer and the link, with a remedy for each problem"),

@@ -73,7 +73,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
     with answering(400) as port:
         slow = statistics.median(polled(port, 20)) / 1000
     yield Figure(
-        "aidin poll, server in 400-byte writes",
+        "aidin poll, server sends 400 bytes per write",
         slow,
         PLATEAU_MS,
         "ms",

@@ -48,7 +48,10 @@ def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
         return (row["name"], "", "", "", "", row["verdict"])
     goal = "" if row["goal"] is None else f"≤ {row['goal']:.2f}"
     floor = f"{row['floor']:.4g} {row['unit']} ({row['against']})"
-    return (row["name"], f"{row['value']:.4g} {row['unit']}", floor, f"{row['ratio']:.2f}", goal, row["verdict"])
+    ratio = f"{row['ratio']:.2f}"
+    if row["verdict"] == "missed" and ratio == f"{row['goal']:.2f}":
+        ratio = f"{row['ratio']:.3f}"  # rounded, it would look met
+    return (row["name"], f"{row['value']:.4g} {row['unit']}", floor, ratio, goal, row["verdict"])
 
 
 def line(row: Mapping[str, Any]) -> str:

@@ -71,7 +71,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
             script.flush()
             times = quickest([[HANDCTL, "batch", script.name, "-p", link, "--json"], alone], 5 if quick else 15)
         yield Figure("batch of one line", times[0] * 1000, times[1] * 1000, "ms", 1.1, PTY, "the command")
-        yield Figure("the same lines, each a program", times[1] * 1000, WIRE_MS, "ms", None, PTY)
+        yield Figure("the same lines, each run as a command of its own", times[1] * 1000, WIRE_MS, "ms", None, PTY)
         loops: tuple[tuple[str, str, tuple[str, ...], float | None], ...] = (
             ("a plain loop, get of one exo register", PLAIN, VOLTAGE, None),
             ("pyserial, get of one exo register", PYSERIAL, VOLTAGE, None),

@@ -1,4 +1,4 @@
-"""`handctl top`: all named devices at once, with the one that needs attention first. A silent device stays, and is tried again."""
+"""`handctl top`: all named devices at once, those that need attention at the top. A silent device stays, and is tried again."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ COLUMNS = (
 def cli(
     run: Run, names: tuple[str, ...], rate: float, count: int | None, duration: float | None, limits: tuple[str, ...]
 ) -> Table:
-    """Show all named devices live, with the one that needs attention first.
+    """Show all named devices live, those that need attention at the top.
 
     Without DEVICE: every device in the configuration file. Read-only. If a device stops replying, its card stays and
     handctl keeps trying. In a pipe, prints a stream of rows. `handctl devices add` names a device.
