@@ -162,7 +162,7 @@ MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     ),
     "usual": lambda _tree: _markdown(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS)),
     "exceptions": lambda _tree: _markdown(
-        ("device", "applies to", "what is different"),
+        ("device", "concerns", "what is different"),
         ((f"`{row.family}`", row.where, row.why) for row in exceptions()),
     ),
 }

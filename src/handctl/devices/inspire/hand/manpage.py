@@ -6,7 +6,7 @@ FILES = (("hand-before-reset.json", "The snapshot that `factory-reset` writes fi
 EXCEPTIONS = (
     (
         "other-family",
-        "on a `wrist` that carries a hand",
+        "a hand on a `wrist` module",
         "Both devices reply. `handctl hand` then reads the hand, and does not show the message `this is a wrist module`.",
     ),
 )
