@@ -67,7 +67,7 @@ SYMPTOMS = (
     Symptom("no-port", "`no such port`", 3, "The adapter is not plugged in, or has a different name.", "`handctl ports`"),
     Symptom("not-permitted", "`not permitted`", 3, "Your user is not in the group that may use the port.", "`handctl doctor -p /dev/ttyUSB0`"),
     Symptom("in-use", "`in use`", 3, "Another program has the port open.", "Find it with `handctl ports`, then close it"),
-    Symptom("refused", "`connection refused`", 3, "The device, or the network adapter it is connected to, is off, or it already has another client.", "`handctl doctor -p tcp://192.168.0.10`"),
+    Symptom("refused", "`connection refused`", 3, "Either the device or its network adapter is switched off, or another client is already connected.", "`handctl doctor -p tcp://192.168.0.10`"),
     Symptom("no-answer", "`no reply`", 4, "No power, a faulty cable, the wrong id or the wrong baud rate.", "`handctl scan --all -p /dev/ttyUSB0`"),
     Symptom("no-frame", "`instead of a valid frame`", 5, "The wrong baud rate, noise, or a different device.", "`handctl scan -p /dev/ttyUSB0`"),
     Symptom("echo", "`only our own bytes`", 5, "An echo or a short circuit: no device replies.", "Check the wiring, then `handctl doctor -p /dev/ttyUSB0`"),

@@ -46,8 +46,8 @@ ROWS = (
         LIES,
         "README.md",
         "",
-        "| `connection refused` (3) | The device, or the network adapter it is connected to, is off, or it already has another client. | `handctl doctor -p tcp://192.168.0.10` |",
-        "| `connection rejected` (3) | The device, or the network adapter it is connected to, is off, or it already has another client. | `handctl doctor -p tcp://192.168.0.10` |",
+        "| `connection refused` (3) | Either the device or its network adapter is switched off, or another client is already connected. | `handctl doctor -p tcp://192.168.0.10` |",
+        "| `connection rejected` (3) | Either the device or its network adapter is switched off, or another client is already connected. | `handctl doctor -p tcp://192.168.0.10` |",
         "tests/docs/test_readme.py::test_generated_sections_are_as_generated",
     ),
     mistake(
