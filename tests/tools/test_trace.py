@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from handctl.devices.ekso.explain_bytes import EksoExplainer
 from handctl.errors import UsageError
 from handctl.families import EXPLAIN_ORDER, FAMILIES
+from handctl.link.transcript import Entry
 from handctl.model.explainer import DEVICE, HOST, Cutter, ExplainedBytes
 from handctl.model.result import Column
 from handctl.screen.csv_output import csv_cell, csv_lines
@@ -362,7 +363,7 @@ def test_no_byte_is_lost() -> None:
             lines = list(lines_of(file, path.name))
         rows = list(TranscriptReader(family).tell(lines))
         for mark, direction in ((">", HOST), ("<", DEVICE)):
-            sent = b"".join(line.entry.data for line in lines if line.entry is not None and line.entry.mark == mark)
+            sent = b"".join(line.data for line in lines if isinstance(line, Entry) and line.mark == mark)
             pieces = b"".join(
                 row.piece.raw for row in rows if row.piece is not None and row.piece.direction == direction
             )
@@ -379,7 +380,7 @@ def test_the_family_is_known_by_the_bytes(path: Path) -> None:
     with path.open(encoding="utf-8") as file:
         family, by_bytes, lines = chosen(lines_of(file, path.name), "", path.name)
         assert (family, by_bytes) == (ALIKE.get(path.name, own), True)
-        assert next(lines).number == 1
+        assert next(lines).line == 1
     text = f"# handctl 0.1.0 {own} status, /dev/ttyUSB0\n{path.read_text(encoding='utf-8')}"
     assert chosen(lines_of(io.StringIO(text), path.name), "", path.name)[:2] == (own, False)
 

@@ -57,18 +57,23 @@ def parse(lines: Iterable[str], source: str = "transcript") -> list[Entry]:
     return entries
 
 
+def as_written(line: str, number: int) -> Entry | None:
+    """A line of serial bytes as `TraceWriter` writes it, with its end or without: a recording has millions. None for any other."""
+    try:
+        time, mark, text = line.split(" ", 2)
+        moment, data = float(time), bytes.fromhex(text)
+    except ValueError:
+        return None
+    between = len(text) - 3 * len(data)
+    if (between and between != -1) or not text[2::3].isspace() or mark not in DIRECTIONS or not 0 <= moment < inf:
+        return None
+    return Entry(moment, mark, data, "", None, number)
+
+
 def parse_line(line: str, number: int) -> Entry:
     """One line that is neither empty nor a comment. Raises ValueError."""
-    parts = line.split(" ", 2)
-    if len(parts) == 3 and parts[1] in (">", "<"):  # as `TraceWriter` writes it; a recording has millions
-        text = parts[2]
-        try:
-            moment, data = float(parts[0]), bytes.fromhex(text)
-        except ValueError:
-            pass  # told below
-        else:
-            if len(text) == 3 * len(data) - 1 and not text[2::3].strip(" ") and 0 <= moment < inf:
-                return Entry(moment, parts[1], data, "", None, number)
+    if (entry := as_written(line, number)) is not None:
+        return entry
     words = line.split()
     time = None
     if words[0] not in (">", "<", "!"):

@@ -184,7 +184,8 @@ class ExplainedBytes:
     def keyed(self, *, asks: str = "", answers: str = "") -> ExplainedBytes:
         """The same as another request or answer, with all that is kept of it."""
         same = object.__new__(ExplainedBytes)
-        vars(same).update(vars(self), asks=asks, answers=answers)
+        same.__dict__ = all_of_it = self.__dict__.copy()  # quicker than to fill it
+        all_of_it["asks"], all_of_it["answers"] = asks, answers
         return same
 
 

@@ -353,10 +353,10 @@ class LogFile:
             return None
         block = Block(dict(zip(self.names, found, strict=True)), data)
         lead = {name: joined(block.columns[name], decimals) for name, decimals in self.lead}
-        segments = block.columns["segment"]
-        if None in lead.values() or not constant(segments) or not self._right(block):
+        segments, times = block.columns["segment"], lead["t_s"]
+        if times is None or None in lead.values() or not constant(segments) or not self._right(block):
             return None
-        block.t_ms = [round(1000 * seconds) for seconds in block.floats("t_s")]
+        block.t_ms = integers(times)
         block.segments = [int(segments[0])] * len(segments)
         follows = last <= (block.segments[0], block.t_ms[0]) and block.segments[0] <= last[0] + 1
         return block if follows and block.t_ms == sorted(block.t_ms) else None

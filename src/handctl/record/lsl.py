@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import threading
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 from handctl.errors import UsageError
@@ -59,6 +60,8 @@ class Streams:
         )
         self._marks = self._lsl.StreamOutlet(said)
         self.name = name
+        self._hearing: dict[str, threading.Thread] = {}
+        """By the name of the stream, those that hear it."""
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()
 
@@ -77,37 +80,37 @@ class Streams:
     def close(self) -> None:
         """Nothing is sent or received any more."""
         self._over.set()
-        self._thread.join(2 * WAIT_S + LOOK_S)
+        self._thread.join(2 * WAIT_S)
+        for thread in self._hearing.values():
+            thread.join(2 * WAIT_S)
 
     def _listen(self) -> None:
-        """Wait for marks of all streams of marks but our own."""
-        inlets: dict[str, Any] = {}
+        """Hear each stream of marks but our own, in a thread of its own: a mark of one waits for no other."""
         resolver = self._lsl.ContinuousResolver("type", MARKERS)
-        due = clock.now()
-        while not self._over.is_set():
-            if clock.now() >= due:
-                due = clock.now() + LOOK_S
-                for info in resolver.results():
-                    if info.source_id() != self._own and info.uid() not in inlets:
-                        inlets[info.uid()] = self._lsl.StreamInlet(
-                            info, max_buflen=60, processing_flags=self._lsl.proc_clocksync
-                        )
-            for inlet in inlets.values():
-                self._take(inlet, WAIT_S / len(inlets))
-            if not inlets:
-                self._over.wait(WAIT_S)
+        while True:
+            for info in resolver.results():
+                if info.source_id() != self._own and info.uid() not in self._hearing:
+                    thread = self._hearing[info.uid()] = threading.Thread(target=self._hear, args=(info,), daemon=True)
+                    thread.start()
+            if self._over.wait(LOOK_S):
+                return
 
-    def _take(self, inlet: Any, wait: float) -> None:
-        """A mark of another program, at the time at which that program set it."""
-        try:
-            values, stamp = inlet.pull_sample(timeout=wait)
-        except RuntimeError:  # the stream is over
-            return
-        if stamp is None:
-            return
-        mono = stamp - self._ahead
-        wall = clock.wall() - (clock.now() - mono)
-        self._heard(Heard(str(values[0]), round(wall, 6), round(mono, 6), "lsl"))
+    def _hear(self, info: Any) -> None:
+        """The marks of another program, each at the time at which that program set it."""
+        inlet = self._lsl.StreamInlet(info, max_buflen=60, processing_flags=self._lsl.proc_clocksync)
+        with suppress(
+            RuntimeError
+        ):  # nothing is known yet: it begins to compare the clocks, which a first mark waited for
+            inlet.time_correction(timeout=0)
+        while not self._over.is_set():
+            try:
+                values, stamp = inlet.pull_sample(timeout=WAIT_S)
+            except RuntimeError:  # the stream is over
+                return
+            if stamp is not None:
+                mono = stamp - self._ahead
+                wall = clock.wall() - (clock.now() - mono)
+                self._heard(Heard(str(values[0]), round(wall, 6), round(mono, 6), "lsl"))
 
 
 def _number(text: str) -> float:

@@ -390,9 +390,10 @@ def _texts(settings: Settings) -> tuple[str, Callable[[TranscriptRow], str]]:
     if settings.format == "plain":
         begin = "\t" if settings.time else ""
         return "", lambda row: begin + row.as_line("\t", str) + "\n"
-    begin, guard = "," if settings.time else "", no_formula if settings.no_formulas else str
+    begin = "," if settings.time else ""
+    say = (lambda text: csv_cell(no_formula(text))) if settings.no_formulas else csv_cell
     head = ",".join((*(["time"] if settings.time else ()), *COLUMNS)) + "\r\n"
-    return head, lambda row: begin + row.as_line(",", lambda text: csv_cell(guard(text))) + "\r\n"
+    return head, lambda row: begin + row.as_line(",", say) + "\r\n"
 
 
 def _write_text(run: Run, told: _TranscriptPrinter, rows: Iterator[TranscriptRow]) -> None:

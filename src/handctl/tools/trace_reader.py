@@ -24,7 +24,7 @@ from handctl.command.family import load
 from handctl.errors import UsageError
 from handctl.families import EXPLAIN_ORDER, FAMILIES
 from handctl.fast_classes import fast_dataclass
-from handctl.link.transcript import DIRECTIONS, Entry, parse_line
+from handctl.link.transcript import DIRECTIONS, Entry, as_written, parse_line
 from handctl.model.explainer import HOST, SIDES, ExplainedBytes, Explainer, Value
 from handctl.model.result import RoundTrips, Row
 from handctl.screen.render import dumps
@@ -41,12 +41,14 @@ FAMILY_EVENT = "family "
 PLAIN_HINT = "give a file that --trace FILE made. Its lines are `[SECONDS] > HEX BYTES`"
 
 
-class TranscriptLine(NamedTuple):
-    """One line of a transcript: an entry, or a comment."""
+class Comment(NamedTuple):
+    """A line of a transcript that says something to people."""
 
-    number: int
-    entry: Entry | None
-    comment: str = ""
+    text: str
+    line: int
+
+
+TranscriptLine = Entry | Comment
 
 
 @contextmanager
@@ -76,14 +78,17 @@ def lines_of(file: IO[str], source: str) -> Iterator[TranscriptLine]:
         number += 1
         if len(text) >= LONGEST_LINE:
             raise UsageError(f"{source}, line {number}: longer than {LONGEST_LINE} characters", hint=PLAIN_HINT)
+        if (entry := as_written(text, number)) is not None:
+            yield entry
+            continue
         stripped = text.strip()
         if stripped.startswith("#"):
-            yield TranscriptLine(number, None, printable(stripped))
+            yield Comment(printable(stripped), number)
             continue
         if not stripped:
             continue
         try:
-            yield TranscriptLine(number, parse_line(stripped, number))
+            yield parse_line(stripped, number)
         except ValueError as exc:
             raise UsageError(
                 f"{source}, line {number}: {printable(str(exc))}",
@@ -129,14 +134,14 @@ def chosen(lines: Iterator[TranscriptLine], family: str, source: str) -> tuple[s
     seen: list[TranscriptLine] = []
     for line in lines:
         seen.append(line)
-        if line.entry is None and not family and line.number == 1:
-            family = family_in(line.comment)
-        if line.entry is not None and not family:
-            family = family_of_event(line.entry)
-        if family or (line.entry is not None and line.entry.data) or len(seen) > 10_000:
+        if not family:
+            family = (
+                family_of_event(line) if isinstance(line, Entry) else family_in(line.text) if line.line == 1 else ""
+            )
+        if family or (isinstance(line, Entry) and line.data) or len(seen) > 10_000:
             break
     told = not family
-    entry = next((line.entry for line in seen if line.entry is not None and line.entry.data), None)
+    entry = next((line for line in seen if isinstance(line, Entry) and line.data), None)
     if not family and entry is not None:
         family = next((name for name in EXPLAIN_ORDER if explainer_of(name).recognises(entry.data, entry.can_id)), "")
     if not family:
@@ -216,13 +221,10 @@ class TranscriptRow:
 
     def as_line(self, between: str, say: Callable[[str], str]) -> str:
         """The same for tables: time, line, direction, round trip in ms, problem, bytes, and what `say` makes of the meaning."""
-        shown, t, trip = self.piece or self.unanswered, self.first.t, self.round_trip
-        direction, trip_ms = (
-            "" if shown is None else shown.direction,
-            "" if trip is None else f"{round(trip * 1000, 3)}",
-        )
-        cells = ("" if t is None else f"{t}", f"{self.first.line}", direction, trip_ms, self.problem, self.bytes)
-        return between.join((*cells, say(self.meaning)))
+        shown, (t, line), trip = self.piece or self.unanswered, self.first, self.round_trip
+        direction = "" if shown is None else shown.direction
+        time, trip_ms = "" if t is None else t, "" if trip is None else round(trip * 1000, 3)
+        return f"{time}{between}{line}{between}{direction}{between}{trip_ms}{between}{self.problem}{between}{self.bytes}{between}{say(self.meaning)}"
 
     def as_json(self, begin: str = "{", no_time: str = "", end: str = "}") -> str:
         """The same as JSON, for a recording of millions: an encoder of anything would take three times as long.
@@ -314,8 +316,15 @@ def _number_text(name: str, value: float | str | None, unit: str | None) -> str:
 
 def wire(piece: ExplainedBytes) -> str:
     """The bytes of a piece as a transcript has them."""
+    kept = piece.kept
+    if kept is not None and "bytes" in kept:
+        known: str = kept["bytes"]
+        return known
     text = piece.raw.hex(" ").upper()
-    return text if piece.can_id is None else f"can {piece.can_id:08X} [{len(piece.raw)}] {text}".rstrip()
+    text = text if piece.can_id is None else f"can {piece.can_id:08X} [{len(piece.raw)}] {text}".rstrip()
+    if kept is not None:
+        kept["bytes"] = text
+    return text
 
 
 @dataclass(slots=True)
@@ -341,20 +350,23 @@ class Statistics:
     def note(self, told: TranscriptRow) -> None:
         """Count one row."""
         piece = told.piece
-        if (piece is None or piece.problem or told.unasked) and (problem := told.problem):
-            self.problems[problem] = self.problems.get(problem, 0) + 1
-        if piece is None:
-            return
+        if piece is None or piece.problem or told.unasked:
+            if problem := told.problem:
+                self.problems[problem] = self.problems.get(problem, 0) + 1
+            if piece is None:
+                return
         direction, size = piece.direction, len(piece.raw)
         self.count[direction] += size
         if piece.frame:
             self.frames[direction] += 1
         else:
             self.stray[direction] += size
-        self.requests += bool(piece.asks)
-        self.answered += told.request is not None
-        if told.round_trip is not None and len(self.trips) < MOST_TRIPS:
-            self.trips.add(told.round_trip)
+        if piece.asks:
+            self.requests += 1
+        elif told.request is not None:
+            self.answered += 1
+            if told.round_trip is not None and len(self.trips) < MOST_TRIPS:
+                self.trips.add(told.round_trip)
 
     def as_row(self) -> dict[str, Any]:
         """For the JSON envelope."""
@@ -385,13 +397,13 @@ class TranscriptReader:
     def tell(self, lines: Iterable[TranscriptLine]) -> Iterator[TranscriptRow]:
         """The rows, in the order in which they became complete."""
         for line in lines:
-            if line.entry is None:
-                if line.comment.startswith(CASE):
-                    yield from self.over()
-                    self._explainer = explainer_of(self._family)
-                yield TranscriptRow(Stamp(None, line.number), Stamp(None, line.number), comment=line.comment)
+            if isinstance(line, Entry):
+                yield from self.take(line)
                 continue
-            yield from self.take(line.entry)
+            if line.text.startswith(CASE):
+                yield from self.over()
+                self._explainer = explainer_of(self._family)
+            yield TranscriptRow(Stamp(None, line.line), Stamp(None, line.line), comment=line.text)
         yield from self.over()
 
     @property
@@ -419,16 +431,16 @@ class TranscriptReader:
         return found
 
     def _entry(self, entry: Entry) -> list[TranscriptRow]:
-        time, data = entry.time, entry.data
-        stamp = Stamp(time, entry.line)
-        if entry.mark == "!":
+        time, mark, data, text, can_id, line = entry
+        stamp = Stamp(time, line)
+        if mark == "!":
             found = [*self._pieces(self._explainer.flush()), *self._given_up(0)]
-            self._explainer.event(entry.text)
+            self._explainer.event(text)
             if family := family_of_event(entry):
                 self._family, self._explainer = family, explainer_of(family)
                 self.statistics.families.setdefault(family)
-            return [*found, TranscriptRow(stamp, stamp, event=entry.text)]
-        direction = DIRECTIONS[entry.mark]
+            return [*found, TranscriptRow(stamp, stamp, event=text)]
+        direction = DIRECTIONS[mark]
         if time is not None:
             statistics = self.statistics
             if statistics.start is None or time < statistics.start:
@@ -436,11 +448,13 @@ class TranscriptReader:
             if statistics.end is None or time > statistics.end:
                 statistics.end = time
         stamps, size = self._stamps[direction], len(data)
-        pieces = self._explainer.feed(direction, data, entry.can_id)
+        pieces = self._explainer.feed(direction, data, can_id)
         whole = not stamps and len(pieces) == 1 and len(pieces[0].raw) == size and pieces[0].direction == direction
-        if entry.can_id is None and not whole:
+        if can_id is None and not whole:
             stamps.append([size, stamp])
-        found = self._pieces(pieces, stamp if whole or entry.can_id is not None else None)
+        if not pieces:
+            return []
+        found = self._pieces(pieces, stamp if whole or can_id is not None else None)
         if len(self._open) > OPEN_REQUESTS:
             found += self._given_up(OPEN_REQUESTS)
         return found

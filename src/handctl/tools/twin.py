@@ -90,10 +90,9 @@ class Player:
         return self.reader.tell(self._lines(recorded))
 
     def _lines(self, recorded: Iterable[TranscriptLine]) -> Iterator[TranscriptLine]:
-        for line in recorded:
-            entry = line.entry
-            if entry is None:
-                yield from [line] if line.comment.startswith(CASE) else ()
+        for entry in recorded:
+            if not isinstance(entry, Entry):
+                yield from [entry] if entry.text.startswith(CASE) else ()
                 continue
             if entry.mark == "<":
                 continue
@@ -103,9 +102,9 @@ class Player:
                 yield from self._until(entry.time)
             if entry.mark == "!":
                 self._event(entry.text)
-                yield line
+                yield entry
             elif not self._lost:
-                yield TranscriptLine(line.number, entry._replace(time=self._now))
+                yield entry._replace(time=self._now)
                 self._send(entry)
         yield from self._until(self._seconds)
 
@@ -134,12 +133,12 @@ class Player:
                 came = self._link.receive(deadline) if isinstance(self._link, FrameLink) else came
             except LinkError:
                 self._lost = True
-                yield TranscriptLine(0, Entry(self._now, "!", b"", "disconnect"))
+                yield Entry(self._now, "!", b"", "disconnect")
                 return
             if not came:
                 return
             can_id, data = (came.can_id, came.data) if isinstance(came, CanFrame) else (None, came)
-            yield TranscriptLine(0, Entry(self._now, "<", data, "", can_id))
+            yield Entry(self._now, "<", data, "", can_id)
             if one:
                 return
 

@@ -417,14 +417,14 @@ class LoopWords:
             if header == LEAVE:
                 pieces.append(ExplainedBytes(direction=HOST, raw=b"\x03", meaning="^C: leave RealTime", asks="leave"))
                 data, self.leaving = data[1:], True
-            elif chr(header) in "CcAa":
-                size = self._control_size if chr(header) in "Cc" else 1
+            elif header in b"CcAa":
+                size = self._control_size if header in b"Cc" else 1
                 if len(data) < size:
                     break
                 block, data = data[:size], data[size:]
                 self._count += 1
                 key = f"block {self._count}"
-                self._asked.append((key, chr(header) in "CA"))
+                self._asked.append((key, header in b"CA"))
                 pieces.append(self._control(block).keyed(asks=key))
             else:
                 why = f"{shown(data)}: not the start of a block. The hand leaves RealTime with ERR 2048"
@@ -437,28 +437,28 @@ class LoopWords:
         """Answers of the hand, what is not complete yet, and whether RealTime is over."""
         pieces: list[ExplainedBytes] = []
         while data:
-            if data[0] in (0x0A, 0x0D):
+            if data[0] == ACKNOWLEDGE and self._asked:
+                key, full = self._asked[0]
+                size = self._feedback_size if full else 1
+                if len(data) < size:
+                    break
+                self._asked.popleft()
+                block, data = data[:size], data[size:]
+                if size > 1:
+                    pieces.append(self._feedback(block).keyed(answers=key))
+                else:
+                    pieces.append(ExplainedBytes(direction=DEVICE, raw=block, meaning="* acknowledgement", answers=key))
+            elif data[0] in (0x0A, 0x0D):
                 end = data.find(PROMPT)
                 if end < 0 and len(data) <= LONGEST_ERROR:
-                    return pieces, data, False
+                    break
                 return [*pieces, self._end(data, end)], data[len(data) if end < 0 else _behind(data, end) :], end >= 0
-            if data[0] != ACKNOWLEDGE or not self._asked:
+            else:
                 why = "unexpected bytes" if data[0] == ACKNOWLEDGE else "* or an error was expected here"
                 end = data.find(b"\n") if self.leaving else -1
                 raw = data[:end] if end > 0 else data
                 pieces.append(stray(DEVICE, raw, why, "bad-block"))
                 data = data[len(raw) :]
-                continue
-            key, full = self._asked[0]
-            size = self._feedback_size if full else 1
-            if len(data) < size:
-                return pieces, data, False
-            self._asked.popleft()
-            block, data = data[:size], data[size:]
-            if size > 1:
-                pieces.append(self._feedback(block).keyed(answers=key))
-            else:
-                pieces.append(ExplainedBytes(direction=DEVICE, raw=block, meaning="* acknowledgement", answers=key))
         return pieces, data, False
 
     def _end(self, data: bytes, end: int) -> ExplainedBytes:

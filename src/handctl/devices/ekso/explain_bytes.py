@@ -66,8 +66,8 @@ class EksoExplainer(Cutter):
         super().__init__()
         self._mode = "body"
         self._asked = b""
-        self._alike: dict[tuple[str, str, bytes, int], ExplainedBytes] = {}
-        """Of the frames of reads: direction, length convention, beginning, size -> one of them."""
+        self._alike: dict[tuple[str, str, bytes], ExplainedBytes] = {}
+        """Of the frames of reads: direction, length convention, beginning, which has the size -> one of them."""
 
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """See Explainer."""
@@ -97,8 +97,12 @@ class EksoExplainer(Cutter):
         """See Explainer."""
         held = self._buffers[direction]
         whole = bytes(held) + data if held else data
-        alike = self._alike.get((direction, self._mode, whole[:2], len(whole)))
-        if alike is None or whole == self._asked or crc(whole):
+        alike = self._alike.get((direction, self._mode, whole[:2]))
+        missing = 0 if alike is None else len(alike.raw) - len(whole)
+        if missing > 0 and BEGIN.search(whole, 1) is None:  # more is to come, and nothing else has begun inside it
+            held += data
+            return []
+        if alike is None or missing or whole == self._asked or crc(whole):
             return super().feed(direction, data)
         held.clear()
         return [self._another(alike, whole)]
@@ -196,7 +200,7 @@ class EksoExplainer(Cutter):
             parts=LazySequence(lambda: _parts(raw, cut.mode, answer, parts)),
         )  # fmt: skip
         if not problem and EXCHANGES[command].words and bool(body) == answer:
-            self._alike[direction, cut.mode, raw[:2], len(raw)] = piece
+            self._alike[direction, cut.mode, raw[:2]] = piece
         return piece
 
 

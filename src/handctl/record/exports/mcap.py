@@ -13,6 +13,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from io import BytesIO
 from itertools import accumulate, chain, islice, repeat
+from operator import mul, sub
 from typing import IO, TYPE_CHECKING, Any
 
 from handctl.files import atomic_write
@@ -50,9 +51,9 @@ def write(export: Export) -> None:
         heads = [b"%b%b:" % (b"," if at else b"{", json.dumps(name).encode()) for at, name in enumerate(rows)]
         texts = Meanings(lambda text: json.dumps(text).encode())
         for _, block, utc in export.blocks(_number):
-            came = [round(time * NS) for time in block.floats("host_utc_s")]
-            asked = [int(number) & 0xFFFFFFFF for number in block.floats("seq")]
-            writer.add(data, [round(time * NS) for time in utc], _rows(log, heads, block, texts), came, asked)
+            asked = [number & 0xFFFFFFFF for number in block.integers("seq")]
+            came = _ns(block.floats("host_utc_s"))
+            writer.add(data, _ns(utc), _rows(log, heads, block, texts), came, asked)
             forget([texts])
         for at, one in enumerate(export.events):
             text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
@@ -119,7 +120,7 @@ class Chunks:
     ) -> None:
         """Messages: log time, content, publish time, sequence."""
         lengths, done = [HEAD.size + len(text) for text in texts], 0
-        heads = map(HEAD.pack, repeat(5), [length - APART for length in lengths], repeat(channel), numbers, times, came)
+        heads = map(HEAD.pack, repeat(5), map(sub, lengths, repeat(APART)), repeat(channel), numbers, times, came)
         messages = chain.from_iterable(zip(heads, texts, strict=True))
         self._counts[channel] = self._counts.get(channel, 0) + len(lengths)
         while done < len(lengths):
@@ -204,6 +205,11 @@ def _bytes(*some: Any) -> bytes:
         one.write(builder)
     data: bytes = builder.end()
     return data
+
+
+def _ns(times: Iterable[float]) -> list[int]:
+    """Times in seconds as whole nanoseconds."""
+    return list(map(round, map(mul, times, repeat(NS))))
 
 
 def _rows(log: LogFile, heads: Sequence[bytes], block: Block, texts: Meanings) -> list[bytes]:
