@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.number_parsing import number_in, typed_number
-from handctl.wording import plural
+from handctl.wording import frame_text, plural
 
 Number = int | float
 
@@ -365,6 +365,14 @@ class Reading(NamedTuple):
     raw: bytes = b""
     error: HandctlError | None = None
 
+    @property
+    def required(self) -> Number:
+        """The value. Raises why it could not be read."""
+        if self.error is not None:
+            raise self.error
+        assert self.value is not None
+        return self.value
+
 
 class Step(NamedTuple):
     """One write of a plan: the exact bytes, what they do in words, and whether they move or strand the device.
@@ -380,9 +388,8 @@ class Step(NamedTuple):
 
     @property
     def wire(self) -> str:
-        """The bytes as the field writes them: ``EB 90 01 …``, or ``15038001 [4] E8 03 18 FC`` on CAN."""
-        text = self.data.hex(" ").upper()
-        return text if self.can_id is None else f"{self.can_id:08X} [{len(self.data)}] {text}".rstrip()
+        """Its bytes as text."""
+        return frame_text(self.data, self.can_id)
 
 
 class ValueChange(NamedTuple):
