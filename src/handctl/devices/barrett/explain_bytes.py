@@ -859,7 +859,8 @@ class BarrettExplainer:
             if answer is None:
                 continue
             if decoder.skipped:
-                return [self._take(stray(DEVICE, came[: decoder.skipped]))]
+                before = came[: decoder.skipped]
+                return [self._take(_blank(before) if before == BLANK else stray(DEVICE, before))]
             for _ in range(place + 1):
                 self._asked.popleft()
             return [self._take(self._answer(asked, answer))]
@@ -874,8 +875,8 @@ class BarrettExplainer:
 
     def _unasked(self, came: bytes) -> ExplainedBytes | None:
         """A prompt alone: at power-on, after a reset, or the blank of a prompt that was cut off."""
-        if came == b" ":
-            return self._take(_piece(DEVICE, came, "the space of the prompt"))
+        if came == BLANK:
+            return self._take(_blank(came))
         end = came.find(b"=>")
         if end < 0 or (end and came[end - 1] not in (10, 13)):
             return None
@@ -916,6 +917,14 @@ class BarrettExplainer:
         asks = "monitor" if typed else ""
         offer = [_piece(HOST, typed, OFFER, asks=asks)] if typed else []
         return [*offer, self._take(_piece(DEVICE, b":", "the boot monitor is ready for a download", answers=asks))]
+
+
+BLANK = b" "
+
+
+def _blank(raw: bytes) -> ExplainedBytes:
+    """What a slow adapter hands on behind the prompt, or behind the next command."""
+    return _piece(DEVICE, raw, "the space of the prompt")
 
 
 @lru_cache(256)

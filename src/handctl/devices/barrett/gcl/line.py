@@ -78,6 +78,8 @@ class GclLine(Line):
         self.opened = link.now()
         self._connected = False
         self._unread = self._behind = b""
+        self._bare = False
+        """The last prompt came without its blank, which a slow adapter hands on later."""
         self._told_odd = False
         self._said: Answer | None = None
         """The answer to the last get; `_behind` is what came behind it with the same bytes."""
@@ -264,13 +266,13 @@ class GclLine(Line):
                 answer = decoder.next()
             if answer is not None:
                 self.journal.counters.received += 1
-                self.journal.counters.stray_bytes += decoder.skipped
+                late = self._bare and decoder.received.startswith(b" ")
+                self.journal.counters.stray_bytes += decoder.skipped - late
                 if answer.said:
                     usual = f"ERR {answer.status}"
                     self.odd(command, f"{answer.said}".encode(), usual)
-                if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
-                    blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
-                    answer = answer._replace(raw=answer.raw + blank)
+                if answer.raw.endswith(PROMPT):
+                    answer = answer._replace(raw=answer.raw + self._blank())
                 self._behind = decoder.received[len(answer.raw) :]
                 self._said = answer if answer.lines and _must_have_lines(command) else None
                 return answer
@@ -459,19 +461,28 @@ class GclLine(Line):
                 break
             came += chunk
             if has_prompt(came) and not came.endswith(b" "):
-                came += self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+                came += self._blank()
             if has_prompt(came) or len(came) > 65536:
                 break
         return bytes(came)
 
+    def _blank(self) -> bytes:
+        """The blank behind a prompt, if there is one: it is part of it, and no stray byte when it comes later."""
+        blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+        self._bare = not blank
+        return blank
+
     def drain(self) -> bytes:
-        """Drop what has arrived, counted as stray bytes; returns it."""
+        """Drop what has arrived, counted as stray bytes; returns it. The late blank of a prompt is none."""
         stale = b""
         while len(stale) < 65536:
             chunk = self.link.read(self.link.at_once)
             if not chunk:
                 break
             stale += chunk
+        if self._bare and stale:
+            self._bare = False
+            stale = stale.removeprefix(b" ")
         self.journal.counters.stray_bytes += len(stale)
         return stale
 
