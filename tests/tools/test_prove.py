@@ -254,6 +254,17 @@ def test_diff_compares_two_devices(tmp_path: Path) -> None:
     assert json.loads(one.read_text())["family"] == "ekso"
 
 
+def test_diff_of_what_is_measured_is_no_difference_of_the_devices(tmp_path: Path) -> None:
+    """As with two attempts on one device: 2 and 4 ms are one reply time, 2 and 48 are not."""
+    one, near, far = (tmp_path / name for name in ("a.json", "b.json", "c.json"))
+    facts("exo", "turnaround=0.002", one, "--only", "reply-time")
+    facts("exo", "turnaround=0.004", near, "--only", "reply-time")
+    facts("exo", "turnaround=0.05", far, "--only", "reply-time")
+    result = run("prove", "diff", str(one), str(near), "--json")
+    assert (result.code, len({result.rows[0]["a"], result.rows[0]["b"]})) == (0, 2)
+    assert run("prove", "diff", str(one), str(far), "--json").code == 7
+
+
 @each_row(
     "content",
     ["", "{}", "[]", '{"schema": "handctl/facts-2"}', '{"schema": "handctl/facts-1", "family": "exo", "facts": [1]}'],
