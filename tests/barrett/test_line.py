@@ -98,6 +98,14 @@ def test_the_late_blank_of_a_prompt_is_no_stray_byte(baud: int, pause: float) ->
     assert line.journal.counters.stray_bytes == 1, "the second blank belongs to no prompt"
 
 
+def test_a_blank_behind_a_whole_prompt_is_a_stray_byte() -> None:
+    hand, link = scripted({"FGET P": "0 0 0 0"})
+    hand.line.ask("FGET P")
+    link.put(0.0, b" ")
+    hand.line.ask("FGET P")
+    assert hand.journal.counters.stray_bytes == 1
+
+
 @pytest.mark.parametrize("interrupt", [False, True])
 @pytest.mark.parametrize("typed", ["O", "12FSET TSTOP 9999", "HI", "\x00\xff"])
 def test_a_half_typed_line_is_never_executed(typed: str, interrupt: bool) -> None:

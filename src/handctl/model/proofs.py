@@ -105,7 +105,7 @@ class Proof(NamedTuple):
         """What handctl assumes, in words."""
         values = self.assumed if isinstance(self.assumed, tuple) else (self.assumed,)
         prefix = {"most": "at most ", "least": "at least "}.get(self.limit, "")
-        return prefix + (" or ".join(map(in_words, values)) or "nothing")
+        return prefix + (" or ".join(map(in_words, values)) or "any value")
 
     def verdict(self, value: Any) -> str:
         """Of a value that was shown."""

@@ -121,18 +121,18 @@ def _most_arguments(hand: BarrettHand) -> Observation:
 def _absent(later: bool, hand: BarrettHand) -> Observation:
     """Of the parameters of every firmware, those that are missing; of the later ones, those that are there.
 
-    Each has a value, or is asked alone: what another name in its line does to it shows nothing.
+    A line that is refused is read again in halves: a name is missing that is refused alone.
     """
     found = []
     names = [param.mnemonic for param in ([one for one in BARRETT if one.optional] if later else standard())]
     for reading in hand.read(BARRETT.elements(*names, motors=[0])):
-        if reading.error is not None:
-            (reading,) = hand.read([reading.element])
         if reading.error is not None and not isinstance(reading.error, NotPresent):
             raise reading.error
         if (reading.error is None) is later:
             found.append(gcl_name(reading.element))
-    return Observation(", ".join(found) or NONE, "answered" if later else f"ERR {UNKNOWN_NAME}")
+    refused = f"ERR {UNKNOWN_NAME}"
+    evidence = ("answered", f"{refused} for each") if later else (refused, "each has a value")
+    return Observation(", ".join(found) or NONE, evidence[not found])
 
 
 def sign_of(printed: tuple[int, ...]) -> str | None:
@@ -316,8 +316,8 @@ PROOFS = (
     Proof("lower-case", "§7.3 prints `fget od` (dossier 1.1)", "accepted", "pget temp", _lower_case),
     Proof("longest-line", "not documented; lines of 96 characters were seen (dossier 1.4)", MAX_LINE, "FGET P padded with blanks, 40 to 128 characters, up to the first refusal", _longest_line, limit="least"),
     Proof("most-arguments", "not documented; 24 were seen (dossier 1.4)", MAX_ARGUMENTS, "1FGET with 8 to 24 names, up to ERR 1024", _most_arguments, limit="least"),
-    Proof("absent-parameters", "§5.3.4: SGFLIP may go in later firmware (dossier 15)", NONE, "the parameters of §5.3 and §5.4, one without a value again alone: ERR 64?", partial(_absent, False)),
-    Proof("later-parameters", "firmware 4.34 and 4.4 have more (dossier 3)", (), "the later parameters, one without a value again alone: ERR 64?", partial(_absent, True)),
+    Proof("absent-parameters", "§5.3.4: SGFLIP may go in later firmware (dossier 15)", NONE, "each parameter of §5.3 and §5.4: a value, or ERR 64 alone?", partial(_absent, False)),
+    Proof("later-parameters", "firmware 4.34 and 4.4 have more (dossier 3)", (), "each later parameter: a value, or ERR 64 alone?", partial(_absent, True)),
     Proof("position-sign", "not documented whether a position below 0 has a sign (dossier 15)", "signed", "FGET P, where a joint is below 0", _sign),
     Proof("strain-gauges", "255 = no gauge (§5.3.2)", 3, "FGET SG: fingers that do not show 255", _gauges),
     Proof("strain-alias", "MSG is an alias of HSG (§5.3.1)", "equal", "FGET HSG and FGET MSG", _alias),

@@ -5,6 +5,7 @@ The table of `connect_table` says how the hand is met. One command at a time; no
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +18,7 @@ from handctl.devices.barrett.gcl.codec import (
     Answer,
     Decoder,
     encode,
+    error_form,
     has_colon,
     has_prompt,
     kind_of,
@@ -81,6 +83,8 @@ class GclLine(Line):
         self._bare = False
         """The last prompt came without its blank, which a slow adapter hands on later."""
         self._told_odd = False
+        self._form: re.Pattern[str] | None = None
+        """How this hand spells its errors, where the manual has another form."""
         self._said: Answer | None = None
         """The answer to the last get; `_behind` is what came behind it with the same bytes."""
         self.tried: list[tuple[int | None, bytes]] = []
@@ -102,6 +106,7 @@ class GclLine(Line):
         """Tell once what this hand answers where the manual has something else; the text is kept as it came."""
         if not self._told_odd:
             self._told_odd = True
+            self._form = error_form(came.decode("ascii", "replace"))
             text = (
                 " ".join(came.decode("ascii", "backslashreplace").replace("\0", "").split()).removesuffix("=>").strip()
             )
@@ -258,7 +263,7 @@ class GclLine(Line):
 
     def _answer(self, command: str, whole: IdleTimeout, echo: IdleTimeout) -> Answer:
         """The reply within `whole`; without an echo within `echo` there is no hand, and waiting longer is useless."""
-        decoder, since = Decoder(command), self.link.now()
+        decoder, since = Decoder(command, self._form), self.link.now()
         while True:
             answer = decoder.next()
             if answer is not None and not answer.lines and not answer.status and _must_have_lines(command):
@@ -271,8 +276,7 @@ class GclLine(Line):
                 if answer.said:
                     usual = f"ERR {answer.status}"
                     self.odd(command, f"{answer.said}".encode(), usual)
-                if answer.raw.endswith(PROMPT):
-                    answer = answer._replace(raw=answer.raw + self._blank())
+                answer = answer._replace(raw=answer.raw + self._blank(answer.raw.endswith(PROMPT)))
                 self._behind = decoder.received[len(answer.raw) :]
                 self._said = answer if answer.lines and _must_have_lines(command) else None
                 return answer
@@ -460,16 +464,16 @@ class GclLine(Line):
             if not chunk:
                 break
             came += chunk
-            if has_prompt(came) and not came.endswith(b" "):
-                came += self._blank()
+            if has_prompt(came):
+                came += self._blank(not came.endswith(b" "))
             if has_prompt(came) or len(came) > 65536:
                 break
         return bytes(came)
 
-    def _blank(self) -> bytes:
-        """The blank behind a prompt, if there is one: it is part of it, and no stray byte when it comes later."""
-        blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
-        self._bare = not blank
+    def _blank(self, due: bool) -> bytes:
+        """The blank behind a prompt where it is still `due`: it is part of it, and no stray byte when it comes later."""
+        blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1) if due else b""
+        self._bare = due and not blank
         return blank
 
     def drain(self) -> bytes:
