@@ -107,7 +107,13 @@ def test_a_motor_that_goes_on_after_the_loop_is_stopped_by_t(tmp_path: Path) -> 
     sent = [line.split(" > ")[1] for line in trace.read_text().splitlines() if " > " in line]
     assert "43 02" in sent and "43 00" not in sent and "63 00" not in sent, "it was left with its velocity"
     assert sent.count("31 54 0D") == 2
+    assert {step["state"] for step in result.json["writes"]} == {"confirmed"}, "each block was answered before ^C"
     assert prove("barrett", "", *words).code == 6, "not initialized: nothing moves"
+
+
+def test_the_question_of_a_proof_is_no_refused_write() -> None:
+    result = prove("barrett", "", *WRITES, "unknown-command")
+    assert (shown(result), result.json["writes"]) == ({"unknown-command": "ERR 32"}, [])
 
 
 @each_row("seconds", [1.0, 1.3, 1.6, 1.9, 2.2, 2.5])

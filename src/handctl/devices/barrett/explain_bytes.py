@@ -1102,9 +1102,9 @@ def _carried_out(answer: Answer) -> bool:
 
 
 def _asks(data: bytes) -> bool:
-    """Whether it is an empty line or a query."""
+    """Whether it is an empty line, the question of a connect, or a query."""
     text = data.removesuffix(CR).decode("ascii", "replace").strip()
-    return not text or kind_of(text) == "query"
+    return text in ("", MARK) or kind_of(text) == "query"
 
 
 words = BarrettWriteRules

@@ -271,6 +271,7 @@ class _LeftRunning(Session):
             self.usual = True
             return super()._go_out(moved)
         self.inside = False
+        hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
         for _ in range(READS):
             if interrupts.was_interrupted():
                 break
