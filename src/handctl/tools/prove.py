@@ -150,7 +150,7 @@ def _chosen(family: str, level: str, only: Sequence[str]) -> list[Proof]:
     most = LEVELS.index(level)
     found = [proof for proof in every if LEVELS.index(proof.level) <= most and (not only or proof.name in only)]
     if missing := set(only) - {proof.name for proof in found}:
-        raise UsageError(f"{min(missing)} does more than {level}", hint=f"give its --level. {LISTS}")
+        raise UsageError(f"the experiment {min(missing)} does more than {level}", hint=f"give its --level. {LISTS}")
     return found
 
 
