@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from handctl.devices.barrett import motion
+from handctl.devices.barrett.gcl.codec import error_form, status_of
 from handctl.devices.barrett.maintenance import fingertips
 from handctl.devices.barrett.parameter_map import with_sign
 from handctl.devices.barrett.realtime.blocks import Layout, Selection
@@ -150,6 +152,7 @@ ODD: dict[str, dict[str, Any]] = {
     "an echoed NUL": {"nul": b"^@"},
     "text behind the number": {"every": replaced(b"ERR 32", b"ERR 32 Unknown command")},
     "no space": {"every": replaced(b"ERR 32", b"ERR32")},
+    "another word": {"every": replaced(b"ERR ", b"Error: ")},
     "two prompts": {"every": replaced(b"=> ", b"=> \n\r=> ")},
     "a sentence": {"first": replaced(b"ERR 32", b"What?")},
 }
@@ -204,3 +207,27 @@ def test_a_firmware_without_one_parameter(name: str, tmp_path: Path) -> None:
     with odd(without=name):
         assert run("barrett", "diff", str(file), "-p", HAND, "--json").code == 0
         assert run("barrett", "get", name, "-p", HAND, "--json").code == 6
+
+
+@pytest.mark.parametrize("spelled", [b"ERROR %d", b"error: %d.", b"E%d", b"Sorry, code %d (see the manual)"])
+def test_a_refusal_is_known_by_what_the_hand_says_to_an_unknown_command(spelled: bytes) -> None:
+    """Else a firmware without one parameter would be a disturbed line in every command that reads all."""
+    with odd(without="SGFLIP", every=lambda data: re.sub(rb"ERR (\d+)", lambda m: spelled % int(m[1]), data)):
+        dump, one, typed = (
+            run("barrett", *words, "-p", HAND, "--json") for words in (["dump"], ["get", "SGFLIP"], ["gcl", "FGET XX"])
+        )
+    assert (dump.code, one.code, typed.code) == (0, 6, 6)
+    assert "not-on-this-firmware" in dump.said and "err-64" in one.said
+    assert {row["parameter"] for row in dump.rows} >= {"P", "TSTOP", "TEMP"}
+
+
+def test_a_line_of_numbers_is_no_refusal() -> None:
+    assert error_form("32") is None and error_form("What?") is None and error_form("E321") is None
+    form = error_form("Error: 32")
+    assert [status_of(line, "FGET P", form) for line in ("64 0 0 0", "Error: 64", "ERR 64", "Error: x")] == [
+        None,
+        (64, "Error: 64"),
+        (64, ""),
+        None,
+    ]
+    assert status_of("Error: 64", "ERR", form) is None, "the list of all codes"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from handctl.devices.barrett.explain_bytes import BarrettExplainer
+from handctl.devices.barrett.explain_bytes import BarrettExplainer, BarrettWriteRules
 from handctl.model.explainer import DEVICE, HOST
 
 
@@ -59,3 +59,20 @@ def test_the_question_of_a_connect_is_no_mistake() -> None:
         assert (asked.meaning, asked.problem) == ("!: requests the prompt, and is not a command", "")
         (answer,) = explainer.feed(DEVICE, b"!\0\n\rERR %d\n\r=> " % status)
         assert (answer.meaning, answer.problem, answer.answers) == (meaning, problem, asked.asks)
+
+
+def test_the_blank_of_a_prompt_may_come_behind_the_next_command() -> None:
+    """A USB adapter that waits 16 ms hands it on so; it is no damage, and LOOP is acknowledged all the same."""
+    explainer, rules = BarrettExplainer(), BarrettWriteRules()
+    explainer.feed(HOST, b"FGET P\r")
+    pieces = explainer.feed(DEVICE, b"FGET P\n\r0 0 0 0\n\r=>")
+    explainer.feed(HOST, b"1LOOP\r")
+    pieces += explainer.feed(DEVICE, b" 1LOOP*")
+    assert [(piece.raw, piece.problem) for piece in pieces] == [
+        (b"FGET P\n\r0 0 0 0\n\r=>", ""),
+        (b" ", ""),
+        (b"1LOOP*", ""),
+    ]
+    (loop,) = rules.sent(b"1LOOP\r", None)
+    assert list(rules.came(b" ", None)) == []
+    assert list(rules.came(b"1LOOP*", None)) == [(loop.key, True)]

@@ -74,6 +74,38 @@ def test_connect_once() -> None:
     assert link.sent == [b"FGET P\r"]
 
 
+class LateBlank(ScriptedHand):
+    """Behind a USB adapter that hands on the last byte of an answer 20 ms after the others."""
+
+    def _reply(self, request: bytes) -> list[tuple[float, bytes]]:
+        data = self._data(request)
+        return [(0.03, data[:-1]), (0.05, data[-1:])]
+
+
+@each_row("baud,pause", [(baud, pause) for baud in (9600, 38400) for pause in (0.0, 0.1)])
+def test_the_late_blank_of_a_prompt_is_no_stray_byte(baud: int, pause: float) -> None:
+    link = LateBlank({"FGET P": "0 0 0 0"}, speed=baud, baud=baud)
+    line = hand_on(link, speed=baud).line
+    for _ in range(3):
+        line.ask("FGET P")
+        link.sleep(pause)
+    assert line.journal.counters.stray_bytes == 0
+    assert link.commands == ["FGET P"] * 3
+    link.sleep(0.1)
+    line.drain()
+    link.put(0.0, b" ")
+    line.ask("FGET P")
+    assert line.journal.counters.stray_bytes == 1, "the second blank belongs to no prompt"
+
+
+def test_a_blank_behind_a_whole_prompt_is_a_stray_byte() -> None:
+    hand, link = scripted({"FGET P": "0 0 0 0"})
+    hand.line.ask("FGET P")
+    link.put(0.0, b" ")
+    hand.line.ask("FGET P")
+    assert hand.journal.counters.stray_bytes == 1
+
+
 @pytest.mark.parametrize("interrupt", [False, True])
 @pytest.mark.parametrize("typed", ["O", "12FSET TSTOP 9999", "HI", "\x00\xff"])
 def test_a_half_typed_line_is_never_executed(typed: str, interrupt: bool) -> None:

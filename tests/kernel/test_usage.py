@@ -104,3 +104,24 @@ def test_help_has_both_names_whatever_context_came_first() -> None:
         command = command.get_command(click.Context(command), name)
     options = command.get_help_option(click.Context(command)).opts
     assert options == ["-h", "--help"]
+
+
+@each_row(("line", "variable"), [
+    ("doctor --family hand --protocol modbus", "HANDCTL_PROTOCOL"),
+    ("prove aidin --tx-terminator nul", "HANDCTL_TX_TERMINATOR"),
+    ("service --family aidin --exchange=poll", "HANDCTL_EXCHANGE"),
+    ("exo status --exchange poll", ""), ("service --length-mode auto", ""),
+])  # fmt: skip
+def test_an_option_of_one_familys_commands_names_what_takes_its_place(line: str, variable: str) -> None:
+    """A next step of `doctor` names the option, which the commands of all families do not have."""
+    result = run(*line.split(), "--json")
+    assert (result.code, [word for word in result.error["hint"].split() if word.startswith("HANDCTL_")]) == (
+        2,
+        [variable] * bool(variable),
+    )
+
+
+def test_the_variable_does_what_the_option_would() -> None:
+    line = ("prove", "hand", "-p", "fake://hand?clock=virtual&speaks=modbus&baud=57600", "--baud", "57600")
+    for protocol, code in (("modbus", 0), ("eb90", 4)):
+        assert run(*line, "--only", "generation", "--json", env={"HANDCTL_PROTOCOL": protocol}).code == code

@@ -65,6 +65,18 @@ ANSWERS: dict[str, bytes] = {
     "star": b"*ERR 32",
 }
 """What stands in place of the manual's "ERR 32"."""
+SPELLINGS = (
+    "no space",
+    "two spaces",
+    "tab",
+    "colon",
+    "full stop",
+    "lower case",
+    "a word",
+    "text behind",
+    "text in brackets",
+)
+"""Those that every status may have, whatever its number."""
 ECHOES = {"caret": b"^@", "none": b"", "space": b" ", "dot": b".", "twice": b"\0\0", "escaped": b"\\0"}
 """The echo of NUL."""
 ENDS: dict[str, tuple[bytes, bytes]] = {
@@ -85,7 +97,7 @@ def cases() -> Iterator[tuple[str, Case]]:
     """All hands, each with its name."""
     for name, text in ANSWERS.items():
         yield f"answer {name}", Case(partial(odd, first=replaced(ERROR, text)))
-        if name in ("no space", "two spaces", "text behind", "text in brackets"):
+        if name in SPELLINGS:
             yield f"errors {name}", Case(partial(odd, every=with_text(text)))
     for name, echo in ECHOES.items():
         yield f"echo {name}", Case(partial(odd, nul=echo))

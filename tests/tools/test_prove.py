@@ -107,7 +107,13 @@ def test_a_motor_that_goes_on_after_the_loop_is_stopped_by_t(tmp_path: Path) -> 
     sent = [line.split(" > ")[1] for line in trace.read_text().splitlines() if " > " in line]
     assert "43 02" in sent and "43 00" not in sent and "63 00" not in sent, "it was left with its velocity"
     assert sent.count("31 54 0D") == 2
+    assert {step["state"] for step in result.json["writes"]} == {"confirmed"}, "each block was answered before ^C"
     assert prove("barrett", "", *words).code == 6, "not initialized: nothing moves"
+
+
+def test_the_question_of_a_proof_is_no_refused_write() -> None:
+    result = prove("barrett", "", *WRITES, "unknown-command")
+    assert (shown(result), result.json["writes"]) == ({"unknown-command": "ERR 32"}, [])
 
 
 @each_row("seconds", [1.0, 1.3, 1.6, 1.9, 2.2, 2.5])
@@ -252,6 +258,17 @@ def test_diff_compares_two_devices(tmp_path: Path) -> None:
     assert (result.code, [row["fact"] for row in result.rows if row["equal"] is False]) == (7, ["time-body"])
     assert run("prove", "diff", str(one), str(other), "-o", str(one), "--json").code == 2
     assert json.loads(one.read_text())["family"] == "ekso"
+
+
+def test_diff_of_what_is_measured_is_no_difference_of_the_devices(tmp_path: Path) -> None:
+    """As with two attempts on one device: 2 and 4 ms are one reply time, 2 and 48 are not."""
+    one, near, far = (tmp_path / name for name in ("a.json", "b.json", "c.json"))
+    facts("exo", "turnaround=0.002", one, "--only", "reply-time")
+    facts("exo", "turnaround=0.004", near, "--only", "reply-time")
+    facts("exo", "turnaround=0.05", far, "--only", "reply-time")
+    result = run("prove", "diff", str(one), str(near), "--json")
+    assert (result.code, len({result.rows[0]["a"], result.rows[0]["b"]})) == (0, 2)
+    assert run("prove", "diff", str(one), str(far), "--json").code == 7
 
 
 @each_row(

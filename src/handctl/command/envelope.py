@@ -13,6 +13,7 @@ import click
 
 from handctl import __version__
 from handctl.errors import HandctlError, Hint, Interrupted, OutputError, UsageError, joined
+from handctl.families import FAMILIES
 from handctl.model.result import SCHEMA, Journal, Message
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
@@ -166,13 +167,29 @@ def with_cause(run: Invocation, error: HandctlError) -> HandctlError:
 def from_click(exc: click.UsageError) -> UsageError:
     """click's usage error as ours, with the command's own help as the next step."""
     path = exc.ctx.command_path if exc.ctx is not None else "handctl"
-    text = exc.format_message()
-    if isinstance(exc, click.NoSuchOption):  # in the same words with each release of click
+    text, hint = exc.format_message(), f"`{path} -h` shows how to use it"
+    if isinstance(exc, click.NoSuchOption) and (own := _of_other_commands(exc)):
+        text, hint = f"No such option {exc.option_name!r}", own
+    elif isinstance(exc, click.NoSuchOption):  # in the same words with each release of click
         near = ", ".join(repr(name) for name in sorted(exc.possibilities or ()))
         text = f"No such option {exc.option_name!r}."
         if near:
             text += f" Did you mean {near}?" if "," not in near else f" (Did you mean one of: {near}?)"
-    return UsageError(text, hint=f"`{path} -h` shows how to use it")
+    return UsageError(text, hint=hint)
+
+
+def _of_other_commands(exc: click.NoSuchOption) -> str:
+    """The next step for an option that only the commands of some family have, which a next step of `doctor` may name; "" for any other."""
+    families = {
+        family: one for family, row in FAMILIES.items() for one in row.options if f"--{one.name}" == exc.option_name
+    }
+    if not families:
+        return ""
+    having = f"{exc.option_name} is an option of the commands of {' and '.join(families)}"
+    (option, *_) = families.values()
+    if option.asked or exc.ctx is None or getattr(exc.ctx.command, "family", None) is not None:
+        return having
+    return f"set the variable HANDCTL_{option.key.upper()} in its place. {having}"
 
 
 def more_serious(error: HandctlError | None, lost: OutputError) -> HandctlError:

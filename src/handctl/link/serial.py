@@ -356,5 +356,5 @@ def _ports_hint(link: str) -> str:
     return (
         f"use one of {', '.join(present)}"
         if present
-        else "plug in the adapter: this computer has no serial port. `--fake` needs none"
+        else Hint("plug in the adapter, then look for its port with {}. `--fake` needs none", "ports")
     )

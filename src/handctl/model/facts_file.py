@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any
 
 from handctl import __version__
 from handctl.errors import CheckFailed, Hint, OutputError, UsageError
 from handctl.families import FAMILIES
 from handctl.files import atomic_write, read_text, writing
-from handctl.model.proofs import SHOWN, Outcome, in_words
+from handctl.model.proofs import SHOWN, Outcome, close, in_words
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.wording import utc
 
@@ -92,19 +92,19 @@ def settings_of(content: Mapping[str, Any], path: str) -> dict[str, str]:
     return found
 
 
-def compared(one: str, other: str) -> Table:
-    """Two facts files side by side. Raises UsageError."""
+def compared(one: str, other: str, measured: Callable[[str], Collection[str]]) -> Table:
+    """Two facts files side by side; the facts of a family that are `measured` need only come close. Raises UsageError."""
     first, second = read(one), read(other)
     if first["family"] != second["family"]:
         raise UsageError(f"{one} is of family {first['family']}, {other} of family {second['family']}", hint="compare two files of one family", code="facts")  # fmt: skip
-    a, b = shown(first), shown(second)
+    a, b, near = shown(first), shown(second), measured(first["family"])
     names = [name for name in {**first["facts"], **second["facts"]} if name in a or name in b]
     rows: list[Row] = [
         {
             "fact": name,
             "a": a.get(name),
             "b": b.get(name),
-            "equal": a[name] == b[name] if name in a and name in b else None,
+            "equal": _equal(a[name], b[name], name in near) if name in a and name in b else None,
         }
         for name in names
     ]
@@ -112,6 +112,11 @@ def compared(one: str, other: str) -> Table:
     if differ := [row["fact"] for row in rows if row["equal"] is False]:
         table.failure = CheckFailed(f"the devices differ in {', '.join(differ)}", code="differ")
     return table
+
+
+def _equal(one: Any, other: Any, measured: bool) -> bool:
+    numbers = isinstance(one, int | float) and isinstance(other, int | float)
+    return close(one, other) if measured and numbers else bool(one == other)
 
 
 def _view(rows: list[Row]) -> list[Grid]:

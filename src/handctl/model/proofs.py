@@ -105,7 +105,7 @@ class Proof(NamedTuple):
         """What handctl assumes, in words."""
         values = self.assumed if isinstance(self.assumed, tuple) else (self.assumed,)
         prefix = {"most": "at most ", "least": "at least "}.get(self.limit, "")
-        return prefix + (" or ".join(map(in_words, values)) or "nothing")
+        return prefix + (" or ".join(map(in_words, values)) or "any value")
 
     def verdict(self, value: Any) -> str:
         """Of a value that was shown."""
@@ -225,9 +225,12 @@ def damage(counters: Counters, *, retries: bool = True) -> tuple[int, ...]:
 
 def alike(proof: Proof, one: Any, other: Any) -> bool:
     """Whether two attempts show the same."""
-    if proof.measured and one is not None and other is not None:
-        return bool(abs(one - other) <= max(LEAST, CLOSE * max(abs(one), abs(other))))
-    return bool(one == other)
+    return close(one, other) if proof.measured and one is not None and other is not None else bool(one == other)
+
+
+def close(one: float, other: float) -> bool:
+    """Whether two measurements may be of one quantity."""
+    return abs(one - other) <= max(LEAST, CLOSE * max(abs(one), abs(other)))
 
 
 def put_back(do: Callable[[], object]) -> None:

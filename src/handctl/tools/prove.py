@@ -82,7 +82,7 @@ def cli(
             raise UsageError(
                 "`handctl prove diff` compares two facts files", hint="give both: `handctl prove diff A B`"
             )
-        return facts_file.compared(*files)
+        return facts_file.compared(*files, measured=_measured)
     if files:
         raise UsageError(f"{files[0]!r} is not expected here", hint="only `handctl prove diff A B` takes files")
     proofs = _chosen(what, level, only)
@@ -105,6 +105,10 @@ def cli(
     prove = partial(_prove, run, proofs, repeat, path, identify, equip=equip)
     questions = ". ".join(dict.fromkeys(proof.question for proof in proofs if proof.question))
     return PlannedAction(partial(_plan, run, proofs), prove, questions)
+
+
+def _measured(family: str) -> list[str]:
+    return [proof.name for proof in load(family, "proofs").PROOFS if proof.measured]
 
 
 def _asked_by_name(proofs: Sequence[Proof], only: Sequence[str]) -> list[Proof]:
@@ -146,7 +150,7 @@ def _chosen(family: str, level: str, only: Sequence[str]) -> list[Proof]:
     most = LEVELS.index(level)
     found = [proof for proof in every if LEVELS.index(proof.level) <= most and (not only or proof.name in only)]
     if missing := set(only) - {proof.name for proof in found}:
-        raise UsageError(f"{min(missing)} does more than {level}", hint=f"give its --level. {LISTS}")
+        raise UsageError(f"the experiment {min(missing)} does more than {level}", hint=f"give its --level. {LISTS}")
     return found
 
 

@@ -159,9 +159,10 @@ def _nothing(search: Search) -> HandctlError:
 
 CONTACT = ("boot-monitor", OTHER_FORM, "bad-length")
 """Codes of what is evidently a device of that family, and yet gives no valid reply."""
-SILENCE = (
-    "check the power and the cable, and that TX and RX are not swapped and RS-232 is not connected to RS-485. --all waits longer for each reply. For a CAN adapter give "
-    "-p can:slcan:PORT"
+SILENCE = Hint(
+    "check the power and the cable, and that TX and RX are not swapped and RS-232 is not connected to RS-485. {} waits longer for each reply. For a CAN adapter give "
+    "-p can:slcan:PORT",
+    "scan --all",
 )
 GARBAGE = "check for another kind of device, a disturbed line, two devices with one id, or an slcan adapter (-p can:slcan:PORT)"
 

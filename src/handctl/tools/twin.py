@@ -368,7 +368,7 @@ def check(
         columns=tuple(Column(key) for key in ("name", "share", *WORDS, "median_ms", "p90_ms")),
         view=lambda rows: [_side_by_side(rows), *_listed(twin)],
     )
-    run.journal.info("twin", f"the twin has {twin.made}")
+    run.journal.info("twin", f"the twin: {twin.made}")
     if twin.share is None:
         run.journal.warn("nothing-answered", "neither the recorded device nor the twin replied to anything")
     elif twin.share < 1:

@@ -25,6 +25,33 @@ RESTORED = "tests/contract/test_restore_interrupted.py::test_an_interrupted_rest
 
 ROWS = (
     mistake(
+        "barrett-any-number-behind-a-text-is-a-status",
+        "evidence believed",
+        LANGUAGE,
+        "error_form",
+        'found = re.search(r"([A-Za-z]+[^A-Za-z0-9]*)32(?!\\d)", text)',
+        'found = re.search(r"([A-Za-z]*[^A-Za-z0-9]*)32(?!\\d)", text)',
+        "tests/barrett/test_contact.py::test_a_line_of_numbers_is_no_refusal",
+    ),
+    mistake(
+        "barrett-any-blank-is-that-of-a-prompt",
+        "evidence not seen",
+        LINE,
+        "GclLine._blank",
+        "self._bare = due and not blank",
+        "self._bare = True",
+        "tests/barrett/test_line.py::test_a_blank_behind_a_whole_prompt_is_a_stray_byte",
+    ),
+    mistake(
+        "barrett-a-late-blank-is-damage",
+        "fault not there",
+        LINE,
+        "GclLine.drain",
+        'stale = stale.removeprefix(b" ")',
+        "pass",
+        "tests/barrett/test_line.py::test_the_late_blank_of_a_prompt_is_no_stray_byte",
+    ),
+    mistake(
         "barrett-a-second-answer-is-dropped",
         "evidence not seen",
         LINE,

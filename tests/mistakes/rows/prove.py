@@ -12,6 +12,15 @@ BACK = "tests/tools/test_prove.py::test_what_was_written_is_put_back"
 
 ROWS = (
     mistake(
+        "a-reply-time-that-differs-by-a-millisecond-is-another-device",
+        "fault not there",
+        FACTS,
+        "_equal",
+        "return close(one, other) if measured and numbers else bool(one == other)",
+        "return bool(one == other)",
+        "tests/tools/test_prove.py::test_diff_of_what_is_measured_is_no_difference_of_the_devices",
+    ),
+    mistake(
         "a-link-typed-for-prove-diff-is-passed-over",
         "swallowed error",
         "handctl.tools.prove",

@@ -24,9 +24,12 @@ from handctl.model.proofs import MOVE, Disturbed, Observation, Proof
 from handctl.wording import plural
 
 WATCHED = 0.5
+ROUNDS = 10
+"""Times that every known key has come: what a stream looks like is seen in them."""
 QUIET = 0.06
 """Seconds of silence behind an answer."""
 MOST = 65536
+KEYS = [f'"{key}"'.encode() for key in ALL]
 ENDS = {b"\n": "newline", b"": "none", b"\0": "nul", b" ": "blank", b"\r\n": "crlf"}
 FULL = 10
 """Decimals from which on a number is written as precisely as the hand has it: how many there are varies."""
@@ -65,8 +68,8 @@ def prepare(hand: AidinHand) -> None:
     raise failure
 
 
-def _came(hand: AidinHand) -> bytes:
-    """Text of the hand from one `{` on: its stream for some time, or its answer to one object."""
+def _came(hand: AidinHand, rounds: int = ROUNDS) -> bytes:
+    """Text of the hand from one `{` on: its stream for some time or these `rounds`, or its answer to one object."""
     talk = hand.conversation
     streams = talk.exchange is ExchangeMode.STREAM
     talk.drain()
@@ -77,15 +80,17 @@ def _came(hand: AidinHand) -> bytes:
     while len(came) < MOST and (chunk := link.read(end)):
         came += chunk
         end = end if streams else link.deadline(QUIET)
+        if streams and all(came.count(key) > rounds for key in KEYS):
+            break
     if b"}" not in came:
         raise Disturbed("the hand sent no complete object")
     return came[came.index(b"{") :]
 
 
-def _objects(hand: AidinHand) -> list[dict[str, object]]:
+def _objects(hand: AidinHand, rounds: int = ROUNDS) -> list[dict[str, object]]:
     """The whole objects of that text. Raises ProtocolError where something else is between them."""
     decoder = Decoder()
-    decoder.feed(_came(hand))
+    decoder.feed(_came(hand, rounds))
     damaged = list[ProtocolError]()
     found = list(frames_in(decoder, damaged.append))
     if damaged or not found:
@@ -100,7 +105,7 @@ def _exchange(hand: AidinHand) -> Observation:
         if talk.link.read(talk.link.deadline(LISTEN)):
             raise Disturbed("the hand also sends data without a request")
         return Observation("poll", "silent until it is asked, and answers an empty object")
-    return Observation("stream", f"{plural(len(_objects(hand)), 'object')} came unasked in {WATCHED:g} s")
+    return Observation("stream", f"{plural(len(_objects(hand, MOST)), 'object')} came unasked in {WATCHED:g} s")
 
 
 def _rate(hand: AidinHand) -> Observation:
@@ -136,7 +141,7 @@ def _between(hand: AidinHand) -> Observation:
 
 
 def _keys(hand: AidinHand) -> Observation:
-    keys = sorted({key for one in _objects(hand) for key in one})
+    keys = sorted({key for one in _objects(hand, MOST) for key in one})
     return Observation(", ".join(keys), plural(len(keys), "key"))
 
 

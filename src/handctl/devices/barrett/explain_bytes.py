@@ -859,7 +859,7 @@ class BarrettExplainer:
             if answer is None:
                 continue
             if decoder.skipped:
-                return [self._take(stray(DEVICE, came[: decoder.skipped]))]
+                return [self._take(_before(came[: decoder.skipped]))]
             for _ in range(place + 1):
                 self._asked.popleft()
             return [self._take(self._answer(asked, answer))]
@@ -874,8 +874,8 @@ class BarrettExplainer:
 
     def _unasked(self, came: bytes) -> ExplainedBytes | None:
         """A prompt alone: at power-on, after a reset, or the blank of a prompt that was cut off."""
-        if came == b" ":
-            return self._take(_piece(DEVICE, came, "the space of the prompt"))
+        if came == BLANK:
+            return self._take(_before(came))
         end = came.find(b"=>")
         if end < 0 or (end and came[end - 1] not in (10, 13)):
             return None
@@ -895,7 +895,7 @@ class BarrettExplainer:
         if start < 0 or came[start + len(sent) : start + len(sent) + 1] != b"*":
             return []
         if start:
-            return [self._take(stray(DEVICE, came[:start]))]
+            return [self._take(_before(came[:start]))]
         for _ in range(place + 1):
             self._asked.popleft()
         self._loop = LoopWords(self._flags.layout(split(asked.command)[0]), self._flags.complete)
@@ -916,6 +916,14 @@ class BarrettExplainer:
         asks = "monitor" if typed else ""
         offer = [_piece(HOST, typed, OFFER, asks=asks)] if typed else []
         return [*offer, self._take(_piece(DEVICE, b":", "the boot monitor is ready for a download", answers=asks))]
+
+
+BLANK = b" "
+
+
+def _before(raw: bytes) -> ExplainedBytes:
+    """What came ahead of an echo: the blank of a prompt, which a slow adapter hands on behind the next command, or bytes of nothing."""
+    return _piece(DEVICE, raw, "the space of the prompt") if raw == BLANK else stray(DEVICE, raw)
 
 
 @lru_cache(256)
@@ -1073,8 +1081,8 @@ class BarrettWriteRules:
         return (Frame(data, ABORT, data, group="^C", unasked=not moving),)
 
     def _entered(self, data: bytes) -> Iterable[tuple[Hashable, bool]]:
-        """The reply to LOOP: * after the echo, or ERR and the prompt."""
-        self._tail = (self._tail + data)[-LONGEST:]
+        """The reply to LOOP: * after the echo, or ERR and the prompt. The blank of the prompt before may come ahead of it."""
+        self._tail = (self._tail + data).lstrip(BLANK)[-LONGEST:]
         size = len(self._echo)
         if self._tail[:size].upper() == self._echo and self._tail[size : size + 1] == bytes([ACKNOWLEDGE]):
             self._decoder = None
@@ -1093,9 +1101,9 @@ def _carried_out(answer: Answer) -> bool:
 
 
 def _asks(data: bytes) -> bool:
-    """Whether it is an empty line or a query."""
+    """Whether it is an empty line, the question of a connect, or a query."""
     text = data.removesuffix(CR).decode("ascii", "replace").strip()
-    return not text or kind_of(text) == "query"
+    return text in ("", MARK) or kind_of(text) == "query"
 
 
 words = BarrettWriteRules

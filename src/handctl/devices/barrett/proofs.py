@@ -12,7 +12,7 @@ from functools import partial
 from handctl import interrupts
 from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
-from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, TRAVEL, standard
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, TRAVEL, gcl_name, standard
 from handctl.devices.barrett.realtime.blocks import LoopError
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.enter_and_leave import Session
@@ -109,7 +109,7 @@ def _longest_line(hand: BarrettHand) -> Observation:
 def _most_arguments(hand: BarrettHand) -> Observation:
     most = 0
     for count in COUNTS:
-        answer = hand.line.ask(f"FGET {' '.join(SHORT[:count])}")
+        answer = hand.line.ask(f"1FGET {' '.join(SHORT[:count])}")
         if answer.status == TOO_MANY:
             return Observation(most, f"{count} names: ERR {answer.status}")
         if answer.status or len(answer.lines) != count:
@@ -119,15 +119,20 @@ def _most_arguments(hand: BarrettHand) -> Observation:
 
 
 def _absent(later: bool, hand: BarrettHand) -> Observation:
-    """Of the parameters of every firmware, those that are missing; of the later ones, those that are there."""
+    """Of the parameters of every firmware, those that are missing; of the later ones, those that are there.
+
+    A line that is refused is read again in halves: a name is missing that is refused alone.
+    """
     found = []
-    for param in [one for one in BARRETT if one.optional] if later else standard():
-        (reading,) = hand.read(BARRETT.elements(param.mnemonic, motors=[0]))
+    names = [param.mnemonic for param in ([one for one in BARRETT if one.optional] if later else standard())]
+    for reading in hand.read(BARRETT.elements(*names, motors=[0])):
         if reading.error is not None and not isinstance(reading.error, NotPresent):
             raise reading.error
         if (reading.error is None) is later:
-            found.append(param.mnemonic)
-    return Observation(", ".join(found) or NONE, "answered" if later else f"ERR {UNKNOWN_NAME}")
+            found.append(gcl_name(reading.element))
+    refused = f"ERR {UNKNOWN_NAME}"
+    evidence = ("answered", f"{refused} for each") if later else (refused, "each has a value")
+    return Observation(", ".join(found) or NONE, evidence[not found])
 
 
 def sign_of(printed: tuple[int, ...]) -> str | None:
@@ -266,6 +271,7 @@ class _LeftRunning(Session):
             self.usual = True
             return super()._go_out(moved)
         self.inside = False
+        hand.journal.ledger.confirm("each block was acknowledged", since=self.mark)
         for _ in range(READS):
             if interrupts.was_interrupted():
                 break
@@ -310,9 +316,9 @@ PROOFS = (
     Proof("unknown-command", "ERR 32, as T3 has it; no capture shows what stands behind the number (dossier 15)", "ERR 32", "'!': its whole reply", _unknown),
     Proof("lower-case", "§7.3 prints `fget od` (dossier 1.1)", "accepted", "pget temp", _lower_case),
     Proof("longest-line", "not documented; lines of 96 characters were seen (dossier 1.4)", MAX_LINE, "FGET P padded with blanks, 40 to 128 characters, up to the first refusal", _longest_line, limit="least"),
-    Proof("most-arguments", "not documented; 24 were seen (dossier 1.4)", MAX_ARGUMENTS, "FGET with 8 to 24 names, up to ERR 1024", _most_arguments, limit="least"),
-    Proof("absent-parameters", "§5.3.4: SGFLIP may go in later firmware (dossier 15)", NONE, "each parameter of §5.3 and §5.4 alone: ERR 64?", partial(_absent, False)),
-    Proof("later-parameters", "firmware 4.34 and 4.4 have more (dossier 3)", (), "each later parameter alone: a value or ERR 64?", partial(_absent, True)),
+    Proof("most-arguments", "not documented; 24 were seen (dossier 1.4)", MAX_ARGUMENTS, "1FGET with 8 to 24 names, up to ERR 1024", _most_arguments, limit="least"),
+    Proof("absent-parameters", "§5.3.4: SGFLIP may go in later firmware (dossier 15)", NONE, "each parameter of §5.3 and §5.4: a value, or ERR 64 alone?", partial(_absent, False)),
+    Proof("later-parameters", "firmware 4.34 and 4.4 have more (dossier 3)", (), "each later parameter: a value, or ERR 64 alone?", partial(_absent, True)),
     Proof("position-sign", "not documented whether a position below 0 has a sign (dossier 15)", "signed", "FGET P, where a joint is below 0", _sign),
     Proof("strain-gauges", "255 = no gauge (§5.3.2)", 3, "FGET SG: fingers that do not show 255", _gauges),
     Proof("strain-alias", "MSG is an alias of HSG (§5.3.1)", "equal", "FGET HSG and FGET MSG", _alias),

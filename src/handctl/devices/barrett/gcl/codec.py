@@ -198,18 +198,25 @@ STATUS = re.compile(r"ERR *([0-9]{1,10})(?:[ :,;(-]+([A-Za-z].{2,}))?")
 """A status line. The manual has "ERR n" (§5.1.3) and once "ERR16" (§5.5); a firmware may put its text behind the number."""
 
 
-def status_of(line: str, command: str) -> tuple[int, str] | None:
+def error_form(text: str) -> re.Pattern[str] | None:
+    """How a hand spells its status lines, from what it says to an unknown command: a word and 32. None where it says no number."""
+    found = re.search(r"([A-Za-z]+[^A-Za-z0-9]*)32(?!\d)", text)
+    return re.compile(rf".*?{re.escape(found[1])}([0-9]{{1,10}})(?!\d).*") if found else None
+
+
+def status_of(line: str, command: str, form: re.Pattern[str] | None = None) -> tuple[int, str] | None:
     """The status in a line and the line itself where the manual has it otherwise; None for data.
 
-    The command ERR lists such lines, texts and all: there only the bare form is a status.
+    The command ERR lists such lines, texts and all: there only the bare form is a status. `form` is that of this hand.
     """
-    found = STATUS.fullmatch(line.strip())
-    if found is None:
+    line = line.strip()
+    found = STATUS.fullmatch(line)
+    plain = found is not None and len(line.split()) == 2 and found[2] is None
+    if found is None and form is not None:
+        found = form.fullmatch(line)
+    if found is None or (not plain and (split(command)[1] is None or split(command)[1] is COMMANDS["ERR"])):
         return None
-    plain = len(line.split()) == 2 and found[2] is None
-    if not plain and (split(command)[1] is None or split(command)[1] is COMMANDS["ERR"]):
-        return None
-    return int(found[1]), "" if plain else line.strip()
+    return int(found[1]), "" if plain else line
 
 
 class Decoder:
@@ -219,8 +226,9 @@ class Decoder:
     as a line that looks like one. Bytes before the echo (noise, a stale answer) are counted in `skipped`.
     """
 
-    def __init__(self, command: str) -> None:
+    def __init__(self, command: str, form: re.Pattern[str] | None = None) -> None:
         self._command = command
+        self._form = form
         self._sent = command.encode("ascii", "replace").upper()
         self._buffer = bytearray()
         self._folded = bytearray()
@@ -266,7 +274,7 @@ class Decoder:
         status, said = 0, ""
         data = []
         for line in lines:
-            if (found := status_of(line, self._command)) is None:
+            if (found := status_of(line, self._command, self._form)) is None:
                 data.append(line)
             else:
                 status, said = status | found[0], said or found[1]

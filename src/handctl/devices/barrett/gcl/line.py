@@ -5,6 +5,7 @@ The table of `connect_table` says how the hand is met. One command at a time; no
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -17,6 +18,7 @@ from handctl.devices.barrett.gcl.codec import (
     Answer,
     Decoder,
     encode,
+    error_form,
     has_colon,
     has_prompt,
     kind_of,
@@ -78,7 +80,11 @@ class GclLine(Line):
         self.opened = link.now()
         self._connected = False
         self._unread = self._behind = b""
+        self._bare = False
+        """The last prompt came without its blank, which a slow adapter hands on later."""
         self._told_odd = False
+        self._form: re.Pattern[str] | None = None
+        """How this hand spells its errors, where the manual has another form."""
         self._said: Answer | None = None
         """The answer to the last get; `_behind` is what came behind it with the same bytes."""
         self.tried: list[tuple[int | None, bytes]] = []
@@ -100,6 +106,7 @@ class GclLine(Line):
         """Tell once what this hand answers where the manual has something else; the text is kept as it came."""
         if not self._told_odd:
             self._told_odd = True
+            self._form = error_form(came.decode("ascii", "replace"))
             text = (
                 " ".join(came.decode("ascii", "backslashreplace").replace("\0", "").split()).removesuffix("=>").strip()
             )
@@ -256,7 +263,7 @@ class GclLine(Line):
 
     def _answer(self, command: str, whole: IdleTimeout, echo: IdleTimeout) -> Answer:
         """The reply within `whole`; without an echo within `echo` there is no hand, and waiting longer is useless."""
-        decoder, since = Decoder(command), self.link.now()
+        decoder, since = Decoder(command, self._form), self.link.now()
         while True:
             answer = decoder.next()
             if answer is not None and not answer.lines and not answer.status and _must_have_lines(command):
@@ -264,13 +271,12 @@ class GclLine(Line):
                 answer = decoder.next()
             if answer is not None:
                 self.journal.counters.received += 1
-                self.journal.counters.stray_bytes += decoder.skipped
+                late = self._bare and decoder.received.startswith(b" ")
+                self.journal.counters.stray_bytes += decoder.skipped - late
                 if answer.said:
                     usual = f"ERR {answer.status}"
                     self.odd(command, f"{answer.said}".encode(), usual)
-                if answer.raw.endswith(PROMPT):  # the space behind the prompt, if there is one, is part of it
-                    blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
-                    answer = answer._replace(raw=answer.raw + blank)
+                answer = answer._replace(raw=answer.raw + self._blank(answer.raw.endswith(PROMPT)))
                 self._behind = decoder.received[len(answer.raw) :]
                 self._said = answer if answer.lines and _must_have_lines(command) else None
                 return answer
@@ -458,20 +464,29 @@ class GclLine(Line):
             if not chunk:
                 break
             came += chunk
-            if has_prompt(came) and not came.endswith(b" "):
-                came += self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1)
+            if has_prompt(came):
+                came += self._blank(not came.endswith(b" "))
             if has_prompt(came) or len(came) > 65536:
                 break
         return bytes(came)
 
+    def _blank(self, due: bool) -> bytes:
+        """The blank behind a prompt where it is still `due`: it is part of it, and no stray byte when it comes later."""
+        blank = self.link.read(self.link.deadline(0.005 + self.wire_seconds(2)), 1) if due else b""
+        self._bare = due and not blank
+        return blank
+
     def drain(self) -> bytes:
-        """Drop what has arrived, counted as stray bytes; returns it."""
+        """Drop what has arrived, counted as stray bytes; returns it. The late blank of a prompt is none."""
         stale = b""
         while len(stale) < 65536:
             chunk = self.link.read(self.link.at_once)
             if not chunk:
                 break
             stale += chunk
+        if self._bare and stale:
+            self._bare = False
+            stale = stale.removeprefix(b" ")
         self.journal.counters.stray_bytes += len(stale)
         return stale
 
