@@ -15,6 +15,7 @@ from handctl.errors import UsageError
 from handctl.files import BYTE_ORDER_MARK, text_lines
 from tests.support.cli import fake, run, sent
 from tests.support.each_row import each_row
+from tests.support.syntax import nodes_of
 
 NO_LINE_END = "\x00\x08\x0b\x0c\x1b\x1c\x1d\x1e\x1f\x7f\x85\x9b\u2028\u2029"
 """Controls and separators: an editor or `str.splitlines` takes many of them for the end of a line."""
@@ -165,6 +166,6 @@ def test_no_text_of_others_is_split_in_another_way() -> None:
         file.relative_to(top).as_posix()
         for file in top.rglob("*.py")
         if "splitlines" in (text := file.read_text(encoding="utf-8"))
-        and any(isinstance(node, ast.Attribute) and node.attr == "splitlines" for node in ast.walk(ast.parse(text)))
+        and any(isinstance(node, ast.Attribute) and node.attr == "splitlines" for node in nodes_of(file))
     }
     assert found <= OWN_TEXTS, found - OWN_TEXTS
