@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.cli import PATIENCE
+from tests.support.each_row import each_row
 from tests.support.places import PROJECT as ROOT
 from tests.support.syntax import tree_of, walk
 
@@ -223,7 +224,7 @@ SOUND = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+@each_row("rule", RULES, ids=lambda rule: rule.__name__)
 def test_each_rule_finds_its_mistakes(rule: Callable[[ast.Module], Iterator[ast.AST]]) -> None:
     for text in SEEDED[rule]:
         assert list(rule(ast.parse(textwrap.dedent(text)))), text
