@@ -166,7 +166,7 @@ def test_a_blocked_finger_is_sent_back_at_once_and_left_alone() -> None:
 # -- refused ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("content", "code"),
     [
         (feedback(motor_pos=[0] * 4 + [-50000] + [0] * 10), "not-homed"),

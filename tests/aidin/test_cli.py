@@ -37,8 +37,8 @@ def aidin(*args: str | Path, link: str = HOMED) -> Result:
 # -- reading ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("verb", ["status", "dump"])
-@pytest.mark.parametrize("exchange", ["stream", "poll"])
+@each_row("verb", ["status", "dump"])
+@each_row("exchange", ["stream", "poll"])
 def test_everything_by_finger(verb: str, exchange: str) -> None:
     result = aidin(verb, link=fake(start="homed", exchange=exchange))
     assert result.code == 0
@@ -121,9 +121,7 @@ def test_home_then_joints_then_the_rest(tmp_path: Path) -> None:
     assert aidin("stop", link=link).code == 0
 
 
-@pytest.mark.parametrize(
-    "args", [("home",), ("initial",), ("max-torque", "0"), ("max-torque", "800"), ("currents", "index.m1=50")]
-)
+@each_row("args", [("home",), ("initial",), ("max-torque", "0"), ("max-torque", "800"), ("currents", "index.m1=50")])
 def test_what_asks(args: tuple[str, ...], tmp_path: Path) -> None:
     result = aidin(*args, "--trace", tmp_path / "t.txt")
     assert (result.code, result.error["code"]) == (8, "not-confirmed")
@@ -162,7 +160,7 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("args", "hint"), REFUSED)
+@each_row(("args", "hint"), REFUSED)
 def test_refused_with_the_range(args: list[str], hint: str, tmp_path: Path) -> None:
     result = aidin(*args, "--trace", tmp_path / "t.txt")
     assert result.code == 2, result
@@ -177,7 +175,7 @@ def test_out_of_range_on_the_terminal_too() -> None:
     assert "q3 82..154 (thumb), 115..175 (others)" in result.err
 
 
-@pytest.mark.parametrize("verb", ["set", "snapshot", "diff", "restore"])
+@each_row("verb", ["set", "snapshot", "diff", "restore"])
 def test_the_device_has_nothing_to_store(verb: str) -> None:
     assert run("aidin", verb, "x", "--fake").code == 2
 
@@ -195,7 +193,7 @@ DRY = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("args", "data"), DRY, ids=lambda value: value[0] if isinstance(value[0], str) else "")
+@each_row(("args", "data"), DRY, ids=lambda value: value[0] if isinstance(value[0], str) else "")
 def test_a_dry_run_shows_the_bytes_and_needs_no_link(args: list[str], data: list[bytes]) -> None:
     result = run("aidin", *args, "--dry-run", "--json")
     assert result.code == 0, result

@@ -26,6 +26,7 @@ from tests.aidin.support import (  # fmt: skip
     stopped_behind,
     streamer,
 )
+from tests.support.each_row import each_row
 from tests.support.refused import refused
 from tests.support.scripted import RecordedLink, ScriptedLink
 
@@ -148,7 +149,7 @@ def test_a_hand_that_answers_commands_needs_the_whole_vector() -> None:
     assert b"{}\n" not in recorded.sent
 
 
-@pytest.mark.parametrize("content", [None, {**STILL, "current_state": [0] * 14}], ids=["mute", "damaged"])
+@each_row("content", [None, {**STILL, "current_state": [0] * 14}], ids=["mute", "damaged"])
 def test_nothing_flows_unless_currents_are_told(content: Content | None) -> None:
     """Maximum torque has been set then, and nothing else."""
     link = ScriptedLink() if content is None else poller(content)

@@ -27,13 +27,14 @@ from tests.aidin.support import (
     stopped_behind,
     streamer,
 )
+from tests.support.each_row import each_row
 from tests.support.refused import refused
 from tests.support.scripted import ScriptedLink
 
 DAMAGED = b'{"motor_pos":[nope]}\n'
 
 
-@pytest.mark.parametrize("count", [2, 3])
+@each_row("count", [2, 3])
 def test_three_damaged_objects_in_a_row_end_it_and_two_do_not(count: int) -> None:
     link = ScriptedLink()
     link.put(0.0, line(feedback()) + DAMAGED * count)
@@ -87,7 +88,7 @@ def test_an_answer_without_an_end_is_not_waited_for_for_ever() -> None:
     assert link.clock <= 0.3 + LISTEN_LONGEST + 0.1
 
 
-@pytest.mark.parametrize("retries", [0, 2])
+@each_row("retries", [0, 2])
 def test_a_polled_hand_that_falls_silent_gets_one_object_more_than_retries(retries: int) -> None:
     link = poller(lambda request: None if request == STOP else feedback())
     conversation = hand_on(link, retries=retries).conversation

@@ -56,7 +56,7 @@ def test_line_ends_in_the_text_do_not_end_the_object() -> None:
     assert neutral('{"a":\r\n"b\\n\\u0000"}') == b'{"a":"b\\n\\u0000"}'
 
 
-@pytest.mark.parametrize("exchange", ["stream", "command"])
+@each_row("exchange", ["stream", "command"])
 def test_a_poll_object_that_would_never_be_sent(exchange: str) -> None:
     with pytest.raises(UsageError):
         exchange_settings_of(Settings(own={"exchange": exchange, "poll_json": "{}"}))
@@ -96,7 +96,7 @@ def test_a_hand_that_answers_commands_is_not_commanded_to_look() -> None:
     assert link.sent == []
 
 
-@pytest.mark.parametrize(("end", "data"), [("newline", b"\n"), ("none", b""), ("nul", b"\0"), ("crlf", b"\r\n")])
+@each_row(("end", "data"), [("newline", b"\n"), ("none", b""), ("nul", b"\0"), ("crlf", b"\r\n")])
 def test_every_object_has_the_terminator(end: str, data: bytes) -> None:
     hand, link = simulated(start="homed", exchange="poll", reader="nul" if end == "nul" else "tolerant")
     hand.conversation.way = exchange_settings_of(Settings(own={"tx_terminator": end}))
@@ -164,7 +164,7 @@ def test_the_end_of_a_movement_shows_no_stop() -> None:
 POLLED = "fake://aidin?clock=virtual&start=homed&exchange=poll"
 
 
-@pytest.mark.parametrize("args", [
+@each_row("args", [
     ("status", "--exchange", "stream", "--poll-json", "{}"), ("status", "--poll-json", '{"hand_mode":3}'),
     ("status", "--exchange", "command"), ("joints", "index.q3=160", "--exchange", "command"), ("bias", "--exchange", "command"),
     ("watch", "--count", "1", "--exchange", "command"), ("home", "-n", "--poll-json", "x"), ("status", "--exchange", "push"),
@@ -197,7 +197,7 @@ def test_a_dry_run_shows_the_terminator() -> None:
         assert data.endswith(b"}\r\n") and json.loads(data)["hand_mode"] in (3, 10)
 
 
-@pytest.mark.parametrize("link", ["/dev/ttyUSB0", "COM3", "usb:0403:6001", "spy:///dev/ttyUSB0"])
+@each_row("link", ["/dev/ttyUSB0", "COM3", "usb:0403:6001", "spy:///dev/ttyUSB0"])
 def test_the_hand_has_no_serial_wire(link: str) -> None:
     result = run("aidin", "status", "-p", link)
     assert result.code == 2

@@ -7,6 +7,7 @@ import pytest
 from handctl.devices.aidin import stopper
 from tests.contract.facts.outcomes.aidin import ROWS
 from tests.support.cli import run, spying
+from tests.support.each_row import each_row
 
 ARGS = {row.name: (*row.args, *(["--yes"] if row.asks else [])) for row in ROWS}
 
@@ -35,7 +36,7 @@ def test_the_rest_of_a_damaged_answer_is_there() -> None:
     assert all(row["value"] is not None for row in result.rows if row["key"] not in wrong)
 
 
-@pytest.mark.parametrize("fault", ["healthy", "silent", "dribble", "noise", "truncate", "unclosed"])
+@each_row("fault", ["healthy", "silent", "dribble", "noise", "truncate", "unclosed"])
 def test_deadline_bounds_homing_and_no_stop(fault: str) -> None:
     """Homing is not begun when it cannot end; `stop` goes on until the hand tells that no current flows, or gives up by itself."""
     for name, limit, codes in (

@@ -18,6 +18,7 @@ from handctl.devices.aidin.parameter_map import (
     Target,
 )
 from handctl.errors import UsageError
+from tests.support.each_row import each_row
 
 MODES = {1: "HOMING", 2: "INITIAL", 3: "STOP", 4: "BIAS", 5: "MAXTORQUE", 10: "ENCODER", 22: "JOINT", 32: "TASKSPACE", 41: "CURRENT"}  # fmt: skip
 RANGES = {  # manual, last list: (thumb), (others)
@@ -44,7 +45,7 @@ def test_modes() -> None:
     assert set(AIDIN["hand_mode"].choices) == set(MODES)
 
 
-@pytest.mark.parametrize("key", KEYS)
+@each_row("key", KEYS)
 def test_arrays(key: str) -> None:
     param = AIDIN[key.lower()]
     kind, labels = KEYS[key]
@@ -62,7 +63,7 @@ def test_feedback_can_be_read_and_commands_cannot() -> None:
     assert not any(param.writable for param in AIDIN)
 
 
-@pytest.mark.parametrize("target", [ENCODERS, ANGLES, TIPS], ids=lambda target: target.mode.name)
+@each_row("target", [ENCODERS, ANGLES, TIPS], ids=lambda target: target.mode.name)
 def test_limits_by_finger(target: Target) -> None:
     for param in (target.command, target.feedback):
         for index in range(param.count):
@@ -70,7 +71,7 @@ def test_limits_by_finger(target: Target) -> None:
             assert param.limit(index) == (None if both is None else both[0 if index < len(param.labels) else 1])
 
 
-@pytest.mark.parametrize(("place", "wire"), WIRE.items(), ids=str)
+@each_row(("place", "wire"), WIRE.items(), ids=str)
 def test_angles_on_the_wire(place: tuple[str, float], wire: float) -> None:
     param = ANGLES.command
     index = param.elements.index(place[0])

@@ -130,7 +130,7 @@ def _travel(*places: tuple[float, int]) -> Verdict:
     return seen.ways(zeroed=2.5)[9].verdict
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("places", "verdict"),
     [
         ([(0.0, 400000), (1.0, 200000), (2.0, 10000), (2.4, 8000), (3.0, 8000), (3.1, 0)], Verdict.OPEN),

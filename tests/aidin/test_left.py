@@ -61,7 +61,7 @@ def test_stop_is_sent_three_times_though_feedback_is_damaged() -> None:
     assert ended.error is ProtocolError and "is not confirmed" in ended.text
 
 
-@pytest.mark.parametrize("instead", [b"", b"[1,2]\n"])
+@each_row("instead", [b"", b"[1,2]\n"])
 def test_a_hand_that_falls_silent_at_the_stop_is_told_as_such(instead: bytes) -> None:
     """It told its currents once, perhaps before the stop: neither a confirmation nor "no currents"."""
     ended = stopped(Streamer(lambda t: line(CLOSED) if t < 0.04 else instead))
@@ -92,8 +92,8 @@ CLOSED = feedback(motor_pos=[20000] * 15)
 GOES_ON = "no stop was sent, so the hand probably continues"
 
 
-@pytest.mark.parametrize("silent", [False, True], ids=["closed", "silent"])
-@pytest.mark.parametrize(
+@each_row("silent", [False, True], ids=["closed", "silent"])
+@each_row(
     ("act", "end", "told"),
     [
         (initial, 0.3, f"{GOES_ON} to its origin"),
@@ -140,7 +140,7 @@ def test_what_comes_instead_of_feedback_is_no_silence(act: Act, instead: bytes) 
     assert first in caught.value.text or "corrupted" in caught.value.text, caught.value.text
 
 
-@pytest.mark.parametrize(("act", "bound"), [(initial, 0.3), (max_torque, 0.1), (modes.bias, 0.4)])
+@each_row(("act", "bound"), [(initial, 0.3), (max_torque, 0.1), (modes.bias, 0.4)])
 def test_a_deadline_says_what_the_hand_has_got(act: Act, bound: float) -> None:
     link = streamer(CLOSED)
     with pytest.raises(NoAnswer, match="deadline") as caught:
@@ -167,7 +167,7 @@ def test_homing_is_not_begun_when_the_deadline_would_cut_it_off() -> None:
     assert link.sent == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("act", "at", "told"),
     [(max_torque, 0.1, "maxtorque 900 was sent and may be in effect"), (modes.bias, 0.45, "the sensor bias was sent")],
 )
@@ -196,7 +196,7 @@ def test_the_range_of_currents_is_not_said_to_be_the_manuals() -> None:
 ALL = ["10", "5", "118", "-4", "5", "165", "0", "5", "165", "4", "5", "165", "8", "5", "165"]
 
 
-@pytest.mark.parametrize("assume", [False, True])
+@each_row("assume", [False, True])
 def test_a_ramp_does_not_begin_at_degrees_on_the_wire(assume: bool) -> None:
     hand, link = simulated(start="homed", fault="degrees")
     with pytest.raises(CheckFailed, match=r"joint_pos is not an angle in radians.*cannot start there") as caught:

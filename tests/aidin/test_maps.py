@@ -105,7 +105,7 @@ def test_both_have_the_same_limits(param: AidinParam, mode: int, index: int, end
     assert hand.after(0.5)["motor_pos"] != rest
 
 
-@pytest.mark.parametrize(("value", "taken"), [(0, True), (1000, True), (1001, False), (-1, False)])
+@each_row(("value", "taken"), [(0, True), (1000, True), (1001, False), (-1, False)])
 def test_both_have_the_same_range_of_maxtorque(value: int, taken: bool) -> None:
     """Without torque nothing moves: 0 set before shows whether the value was taken."""
     assert AIDIN["maxtorque"].allowed(value) is taken

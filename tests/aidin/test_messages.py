@@ -32,7 +32,7 @@ VECTORS = [
 ]
 
 
-@pytest.mark.parametrize(("fields", "data"), VECTORS)
+@each_row(("fields", "data"), VECTORS)
 def test_encode(fields: dict[str, object], data: bytes) -> None:
     assert encode(fields) == data  # type: ignore[arg-type]
 
@@ -41,7 +41,7 @@ def test_the_neutral_object_has_no_key() -> None:
     assert NEUTRAL == b"{}"
 
 
-@pytest.mark.parametrize("number", [float("nan"), float("inf"), float("-inf")])
+@each_row("number", [float("nan"), float("inf"), float("-inf")])
 def test_what_json_does_not_have_is_refused(number: float) -> None:
     with pytest.raises(UsageError):
         encode({"a": (1.0, number)})
@@ -102,7 +102,7 @@ def test_any_pieces(data: bytes, size: int) -> None:
     assert fed(*(data[at : at + size] for at in range(0, len(data), size))) == [A, B]
 
 
-@pytest.mark.parametrize("data", STREAMS.values(), ids=STREAMS)
+@each_row("data", STREAMS.values(), ids=STREAMS)
 def test_cut_anywhere(data: bytes) -> None:
     for place in range(1, len(data)):
         assert fed(data[:place], data[place:]) == [A, B]
@@ -117,7 +117,7 @@ def test_a_cut_number_is_never_taken_early() -> None:
     assert decoder.next() is None
 
 
-@pytest.mark.parametrize("junk", [b"xyz", b"\xff\xfe", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"}]", b"12,13]}", b'"'])
+@each_row("junk", [b"xyz", b"\xff\xfe", b"HTTP/1.1 400 Bad Request\r\n\r\n", b"}]", b"12,13]}", b'"'])
 def test_junk_between_objects_is_dropped_and_told(junk: bytes) -> None:
     for size in (1, 1000):
         data = RAW_A + junk + RAW_B + junk
@@ -136,7 +136,7 @@ def test_a_truncated_object_costs_no_whole_one(cut: int, end: bytes) -> None:
     assert objects(*(bytes([byte]) for byte in data))[-3:] == [A, B, B]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "bad", [b'{"a":[1,2}', b'{"a":{1,2,3}}', b'{"a":tru}', b'{"a":"\xff"}', b"{a:1}", b'{"a":1,}', b'{"a":"x\ny"}']
 )
 def test_what_is_no_json_is_dropped_alone(bad: bytes) -> None:

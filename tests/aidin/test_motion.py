@@ -32,6 +32,7 @@ from tests.aidin.support import (
     stopped_behind,
     streamer,
 )
+from tests.support.each_row import each_row
 from tests.support.refused import refused
 from tests.support.scripted import ScriptedLink
 
@@ -153,7 +154,7 @@ def test_encoders_out_of_their_range_were_not_homed() -> None:
 # -- stop -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["stream", "poll", "command"])
+@each_row("kind", ["stream", "poll", "command"])
 def test_stop_goes_out_before_anything_else(kind: str) -> None:
     link = {
         "stream": lambda: streamer(STILL),

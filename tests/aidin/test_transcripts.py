@@ -55,7 +55,7 @@ def test_files_say_what_they_mean() -> None:
     assert modes == {1, 2, 3, 4, 5, 10, 22, 32, 41}
 
 
-@pytest.mark.parametrize("case", named(COMMANDS))
+@each_row("case", named(COMMANDS))
 def test_the_host_sends_it(case: Case) -> None:
     result = run("aidin", *case.says["host"].split(), "--dry-run", "--json")
     assert result.code == 0, result
@@ -89,7 +89,7 @@ def test_the_host_takes_it_in_any_pieces(case: Case, size: int) -> None:
         assert number in values, key  # type: ignore[operator]
 
 
-@pytest.mark.parametrize("case", named([case for case in FEEDBACK if case.kind == "accept"]))
+@each_row("case", named([case for case in FEEDBACK if case.kind == "accept"]))
 def test_the_host_shows_it(case: Case) -> None:
     data = received(case)
     link = ScriptedLink(lambda request: [(0.001, piece) for piece in data] if sent(case) == [request] else [])

@@ -12,6 +12,7 @@ from handctl.sim.bus.wire_pair import resample
 from tests.barrett import unanswered
 from tests.barrett.line_receiver import MONITOR, TRIGGER, bursts, heard, hears
 from tests.barrett.unanswered import Way
+from tests.support.each_row import each_row
 
 
 def triggers(ways: Iterable[Way]) -> list[str]:
@@ -55,7 +56,7 @@ def test_no_read_opens_the_boot_monitor_whatever_its_id() -> None:
 # -- the receiver ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "sent", "listens", "wanted"),
     [("0D", 9600, 38400, "78 00"), ("0D", 9600, 19200, "E6 80"), ("0A 0D 3D 3E 20", 9600, 19200, "98 80 E6 80 E6 18 18 F8")],
 )  # fmt: skip
@@ -76,7 +77,7 @@ def test_the_simulator_hears_the_same() -> None:
             assert resample(data[:1], sent, MONITOR, "sci")[:1] in first, (data, sent)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "baud"), [("03", 38400), ("EB 90 01 04 30 00 04 02 3B", 57600), ("EB 90 01 04 11 C0 05 02 DD", 57600)]
 )
 def test_what_was_a_trigger(data: str, baud: int) -> None:

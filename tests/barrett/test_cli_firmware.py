@@ -130,7 +130,7 @@ def test_it_asks_first(good: Path) -> None:
     assert "5 records, 150 bytes, 2C00-2C95" in result.error["text"] and "replaces" in result.error["text"]
 
 
-@pytest.mark.parametrize("name", ["wrong checksum", "no end", "overlap with other bytes", "intel hex", "24 bit"])
+@each_row("name", ["wrong checksum", "no end", "overlap with other bytes", "intel hex", "24 bit"])
 def test_a_bad_file_never_reaches_the_line(tmp_path: Path, name: str) -> None:
     file = write(tmp_path, BROKEN[name][0], "bad.s19")
     with spying() as spy:

@@ -221,7 +221,7 @@ BAD_FILES = [
 ]
 
 
-@pytest.mark.parametrize(("text", "word"), BAD_FILES)
+@each_row(("text", "word"), BAD_FILES)
 def test_bad_control_files(tmp_path: Path, text: str, word: str) -> None:
     """All rows are checked before the hand is touched."""
     file = tmp_path / "in.csv"
@@ -232,7 +232,7 @@ def test_bad_control_files(tmp_path: Path, text: str, word: str) -> None:
     assert spy.lines == []
 
 
-@pytest.mark.parametrize("content", [b"\xff\xfe\x00", b"t,velocity\n0,\xc3\n"])
+@each_row("content", [b"\xff\xfe\x00", b"t,velocity\n0,\xc3\n"])
 def test_control_files_that_are_no_text(tmp_path: Path, content: bytes) -> None:
     file = tmp_path / "in.csv"
     file.write_bytes(content)
@@ -402,7 +402,7 @@ def test_a_measurement_that_fails() -> None:
 # -- signals ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+@each_row("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_nothing_disturbs_the_leaving(number: signal.Signals) -> None:
     """A second signal must not fall between velocity 0 and T; the handler from before is back afterwards."""
 

@@ -19,12 +19,13 @@ from handctl.model.prompts import Prompts
 from tests.barrett.download import Operated, Operator, Run
 from tests.barrett.support import codes, elements, scripted, simulated
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 from tests.support.odd_barrett import odd, replaced
 
 # -- positions below 0 ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("index", "sent", "read"),
     [
         (0, 0, 0),
@@ -46,7 +47,7 @@ def test_a_word_without_a_sign(index: int, sent: int, read: int) -> None:
     assert with_sign(index, sent) == read
 
 
-@pytest.mark.parametrize(("sign", "place"), [("signed", -300), ("unsigned", -300), ("clamped", 0)])
+@each_row(("sign", "place"), [("signed", -300), ("unsigned", -300), ("clamped", 0)])
 def test_a_finger_at_its_open_stop(sign: str, place: int) -> None:
     """§5.3.4 IOFF 300: TO ends 300 counts below 0, in `get`, in RealTime and as an angle."""
     hand, _ = simulated(f"position-sign={sign}")
@@ -69,7 +70,7 @@ def test_the_position_of_a_block() -> None:
     assert feedback.motors == {0: {"position": -300}, 3: {"position": -50, "breakaway_position": 17812}}
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("positions", "broken"),
     [("0 32968 0 0", "0 0 0 0|0 0 0 0"), ("0 0 0 9000", "0 0 0 0|0 0 0 0"), ("0 0 0 0", "0 0 1 0|0 0 40000 0")],
 )
@@ -123,7 +124,7 @@ class Ticking(Operated):
         return super().now() + self.ticks
 
 
-@pytest.mark.parametrize("clock", [Operated, Ticking])
+@each_row("clock", [Operated, Ticking])
 def test_a_download_does_not_wait_long_for_a_hand_that_is_on(clock: type[Operated]) -> None:
     link = clock()
     prompts = Absent(link)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, EchoError, Transfer
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed
 
 
@@ -78,8 +79,8 @@ def test_echoes_of_the_dossier() -> None:
     assert transfer.done and transfer.take() == b""
 
 
-@pytest.mark.parametrize("window", [1, 2, 3, 4])
-@pytest.mark.parametrize("triggers", [False, True])
+@each_row("window", [1, 2, 3, 4])
+@each_row("triggers", [False, True])
 def test_windows(window: int, triggers: bool) -> None:
     sent, most = carry(EXAMPLE, window, triggers, piece=1)
     assert hexed(b"".join(sent)) == HOST
@@ -128,7 +129,7 @@ def up_to(place: int, triggers: bool = False) -> Transfer:
     return transfer
 
 
-@pytest.mark.parametrize(("place", "where", "byte"), PLACES)
+@each_row(("place", "where", "byte"), PLACES)
 def test_a_wrong_echo_at_every_place(place: int, where: str, byte: int) -> None:
     transfer = up_to(place)
     assert where in transfer.where and transfer.awaited == byte
@@ -142,7 +143,7 @@ def test_a_wrong_echo_at_every_place(place: int, where: str, byte: int) -> None:
         assert "2000h" in text, "the record is named"
 
 
-@pytest.mark.parametrize(("place", "where", "byte"), PLACES)
+@each_row(("place", "where", "byte"), PLACES)
 def test_a_byte_nobody_awaited_at_every_place(place: int, where: str, byte: int) -> None:
     transfer = up_to(place)
     with pytest.raises(EchoError) as caught:
@@ -155,7 +156,7 @@ def test_a_byte_nobody_awaited_at_every_place(place: int, where: str, byte: int)
     assert caught.value.code == "extra-byte"
 
 
-@pytest.mark.parametrize("triggers", [False, True])
+@each_row("triggers", [False, True])
 def test_places_with_echoed_triggers(triggers: bool) -> None:
     """The trigger's echo does not shift the address that is named."""
     names = []
@@ -168,7 +169,7 @@ def test_places_with_echoed_triggers(triggers: bool) -> None:
     assert list(dict.fromkeys(names)) == wanted
 
 
-@pytest.mark.parametrize("place", [1, 2, 3, 9])
+@each_row("place", [1, 2, 3, 9])
 def test_00_is_no_echo_of_anything_else(place: int) -> None:
     """The reference takes silence for 00 (7.5); here 00 is a byte like any other."""
     transfer = up_to(place)

@@ -13,6 +13,7 @@ import pytest
 from tests.barrett.commands import fake, written_lines
 from tests.contract.facts.outcomes.barrett import OUTCOMES
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 SEED = 1
 
@@ -130,7 +131,7 @@ def test_stream_goes_on_over_single_failures() -> None:
     assert end["ok"] is True
 
 
-@pytest.mark.parametrize("fault", ["stale", "echo", "slow", "split"])
+@each_row("fault", ["stale", "echo", "slow", "split"])
 def test_a_left_over_answer_is_never_taken_for_the_next_one(fault: str) -> None:
     """TEMP falls by itself after HI's heat: each sample is of its own moment, or an error."""
     args = ("barrett", "watch", "UPSECS", "--rate", "0.5", "--count", "6", "--json")

@@ -7,6 +7,7 @@ import pytest
 from handctl.devices.barrett.maintenance import fingertips
 from handctl.errors import DeviceRefused, NoAnswer, UsageError
 from tests.barrett.support import codes, scripted
+from tests.support.each_row import each_row
 
 READY = "|0 0 0 0"
 HOT = {"PGET TEMP OTEMP": "702|600"}
@@ -88,7 +89,7 @@ def test_a_restart_in_a_stream_is_noticed_within_a_second() -> None:
     assert doubted and doubted[0] <= 1.1
 
 
-@pytest.mark.parametrize("text", ["F4=1", "F1", "F1=x", "F1=-1", "F1=20001", "=5"])
+@each_row("text", ["F4=1", "F1", "F1=x", "F1=-1", "F1=20001", "=5"])
 def test_breakaway_words(text: str) -> None:
     with pytest.raises(UsageError):
         fingertips.breakaways([text])

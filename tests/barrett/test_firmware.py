@@ -260,8 +260,8 @@ def test_a_fault_at_every_kind_of_place(fault: str, place: str) -> None:
     assert stream(run.file).startswith(b"".join(run.link.sent[len(before) :])), "nothing but the download"
 
 
-@pytest.mark.parametrize("window", [2, 4])
-@pytest.mark.parametrize("fault", FAULTS)
+@each_row("window", [2, 4])
+@each_row("fault", FAULTS)
 def test_a_fault_with_a_window(fault: str, window: int) -> None:
     run = Run(f"fault={fault}&download-at=0x2C45", window=window)
     code, exit_code, text = run.failed
@@ -345,7 +345,7 @@ def test_the_operator_cycles_once_more() -> None:
     assert any("No firmware has replied yet" in text for text in prompts.said)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "header", "expect", "version", "code", "warned"),
     [
         ("fw.s19", "x", "4.34", "4.34", None, False),
@@ -368,7 +368,7 @@ def test_versions(name: str, header: str, expect: str | None, version: str, code
     assert ("version" in codes(run.hand)) is warned
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "found"),
     [("BarrettHand™ Firmware v4_34.S19", "4.34"), ("4.33", "4.33"), ("v4.4x", "4.4"), ("fw", None), ("7", None)],
 )
@@ -392,7 +392,7 @@ def test_the_deadline() -> None:
 # -- the old firmware, and a hand that restarts -------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("boot", ["0.1", "1", "5"])
+@each_row("boot", ["0.1", "1", "5"])
 def test_a_colon_with_the_banner_behind_it_is_no_invitation(boot: str) -> None:
     """`:` and banner in one chunk: the firmware runs. No FF goes to its interpreter, and nothing is called incomplete."""
     run = Run(f"boot-chunk=together&boot={boot}")
@@ -415,7 +415,7 @@ class Failing(Simulated):
         super().write(data, deadline)
 
 
-@pytest.mark.parametrize("at", [30, 60])
+@each_row("at", [30, 60])
 def test_a_restart_in_the_middle_of_a_download_is_named(at: int) -> None:
     link = Failing("image-records=7")
     link.at = at

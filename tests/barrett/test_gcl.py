@@ -107,7 +107,7 @@ def test_split(text: str, prefix: str, name: str, arguments: list[str]) -> None:
     assert split(text) == (prefix, COMMANDS[name], arguments)
 
 
-@pytest.mark.parametrize("text", ["", "FOO", "12", "S", "5M", "M5000", "GG", "1 M", "HIX"])
+@each_row("text", ["", "FOO", "12", "S", "5M", "M5000", "GG", "1 M", "HIX"])
 def test_split_of_no_command(text: str) -> None:
     assert split(text)[1] is None
 
@@ -115,7 +115,7 @@ def test_split_of_no_command(text: str) -> None:
 # -- refusals ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("text", ["LOOP", "124loop", "RESET", "reset", "PSET BAUD 384", "pset lft 1 baud 6"])
+@each_row("text", ["LOOP", "124loop", "RESET", "reset", "PSET BAUD 384", "pset lft 1 baud 6"])
 def test_what_would_lose_the_line_is_refused(text: str) -> None:
     with pytest.raises(UsageError) as caught:
         check_line(text)
@@ -123,7 +123,7 @@ def test_what_would_lose_the_line_is_refused(text: str) -> None:
     assert caught.value.hint
 
 
-@pytest.mark.parametrize("text", ["HI", "PSET LFT 1", "PGET BAUD", "?LOOP", "?RESET", "FOO", "", "PLOAD", "PSAVE"])
+@each_row("text", ["HI", "PSET LFT 1", "PGET BAUD", "?LOOP", "?RESET", "FOO", "", "PLOAD", "PSAVE"])
 def test_what_is_carried(text: str) -> None:
     assert check_line(text) == []
 
@@ -149,7 +149,7 @@ def test_the_manuals_traps_are_noted(text: str, words: list[str]) -> None:
         assert check_line(text) == []
 
 
-@pytest.mark.parametrize("value", ["+4000", "-1", "4e3", "0x10", "300.0", "x"])
+@each_row("value", ["+4000", "-1", "4e3", "0x10", "300.0", "x"])
 def test_a_value_that_cannot_be_read_is_not_guessed(value: str) -> None:
     with pytest.raises(UsageError) as caught:
         check_line(f"FSET IVEL {value}")
@@ -157,7 +157,7 @@ def test_a_value_that_cannot_be_read_is_not_guessed(value: str) -> None:
     assert check_line(f"FSET IVEL {value}", force=True) == check_line(f"FSET XX {value}") == []
 
 
-@pytest.mark.parametrize("text", ["FSET LFVC 0", "2FSET LFDPC 0", "FSET ACCEL 0", "PSET OTEMP 1251", "FSET EN 2"])
+@each_row("text", ["FSET LFVC 0", "2FSET LFDPC 0", "FSET ACCEL 0", "PSET OTEMP 1251", "FSET EN 2"])
 def test_a_value_out_of_range_is_refused_as_set_does(text: str) -> None:
     """0 as a divisor of the RealTime feedback is a division by zero in the hand (dossier 3.1)."""
     with pytest.raises(UsageError) as caught:
@@ -308,7 +308,7 @@ def test_rows_are_the_hands_own_text() -> None:
     assert passthrough.as_text(table.rows) == "=> FGET P S\n1 2 3 4\n0 0 0 0\n=> err 3\n1 No motor board found\n"
 
 
-@pytest.mark.parametrize(("keep_going", "sent"), [(False, ["VERS", "FOO"]), (True, ["VERS", "FOO", "1T", "VERS"])])
+@each_row(("keep_going", "sent"), [(False, ["VERS", "FOO"]), (True, ["VERS", "FOO", "1T", "VERS"])])
 def test_the_first_error(keep_going: bool, sent: list[str]) -> None:
     hand, link = scripted({"VERS": "4.33", "FOO": "ERR 32", "1T": "ERR 4"})
     table = passthrough.run_all(hand, lines_of(["VERS", "FOO", "1T", "VERS"]), keep_going=keep_going)
@@ -332,7 +332,7 @@ def test_a_lost_answer_is_not_repeated() -> None:
     ]
 
 
-@pytest.mark.parametrize("command", ["PLOAD", "PDEF"])
+@each_row("command", ["PLOAD", "PDEF"])
 def test_the_speed_is_looked_for_after_what_may_change_it(command: str) -> None:
     """PDEF goes to 9600, PLOAD to the saved speed (dossier 1.2)."""
     hand, link = simulated("baud=9600")
@@ -357,7 +357,7 @@ def test_interrupted() -> None:
 # -- completion and help ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "word", "wanted"),
     [
         ("HO", "HO", ["HOME "]), ("12h", "12h", ["12HI ", "12HOME "]), ("FS", "FS", ["FSET ", "FSAVE "]),
@@ -387,7 +387,7 @@ def test_help_texts() -> None:
     assert passthrough.explain_help("?NOTHING") == ""
 
 
-@pytest.mark.parametrize("more", [("--json",), ("--csv",), ("-o", "data.txt")])
+@each_row("more", [("--json",), ("--csv",), ("-o", "data.txt")])
 def test_a_prompt_is_for_a_terminal(more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What was typed and answered is no JSON, CSV or file: refused before anything is sent (contract 4)."""
     monkeypatch.chdir(tmp_path)

@@ -16,6 +16,7 @@ from tests.barrett.commands import fake
 from tests.barrett.realtime import Names, Run, assert_left
 from tests.barrett.support import CR, Simulated, codes
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 ONE: Names = {0: ("strain", "position")}
 WIRE = "wire=auto&baud=38400"
@@ -320,7 +321,7 @@ def test_a_motor_that_trembles_is_stalled(velocity: int, cycle: float, jitter: l
     assert event.after <= max(0.03, 8 / (velocity * 244.0)) + 3 * cycle + 0.001
 
 
-@pytest.mark.parametrize("index", [0, 3])
+@each_row("index", [0, 3])
 def test_what_is_plausible(index: int) -> None:
     most = TRAVEL[index == 3]
     assert not implausible(index, most + BEYOND) and not implausible(index, -BEYOND)

@@ -24,6 +24,7 @@ from tests.barrett.support import (
     scripted,
     simulated,
 )
+from tests.support.each_row import each_row
 
 DUMP = [
     "FGET DP DS HSG LSG MOV MCV MSG OD P S SG LCV LCVC LCPG LFV LFVC LFS",
@@ -86,7 +87,7 @@ def test_dump_warns_of_what_heats() -> None:
     assert "F3: TSTOP = 10000" in message.text
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("names", "lines"),
     [
         (["P"], ["FGET P"]), (["P.F1"], ["1FGET P"]), (["SG.F1", "SG.F3"], ["13FGET SG"]), (["P.S"], ["4FGET P"]),
@@ -122,7 +123,7 @@ def test_later_firmware_is_asked_by_itself() -> None:
     assert len(table.rows) == 12
 
 
-@pytest.mark.parametrize("firmware", ["4.34", "4.4"])
+@each_row("firmware", ["4.34", "4.4"])
 def test_later_firmware_has_them(firmware: str) -> None:
     hand, link = simulated(f"firmware={firmware}")
     assert [reading.value for reading in hand.read(elements("BDAT", "BS", "BD"))] == [1500] * 4 + [0] * 8
@@ -133,7 +134,7 @@ def test_later_firmware_has_them(firmware: str) -> None:
     assert [row["parameter"] for row in rows[-4 * len(later.split()) :: 4]] == later.split()
 
 
-@pytest.mark.parametrize("code", [32, 64, 1024])
+@each_row("code", [32, 64, 1024])
 def test_a_refused_batch_is_split(code: int) -> None:
     """On ERR 32, 64 or 1024 for a batched line, split it in two (dossier 1.4)."""
     script = {"GFGET P SG S DP": f"1 2 3|ERR {code}", "GFGET P SG": "1 2 3|4 5 6", "GFGET S DP": "0 0 0|7 8 9"}
@@ -155,7 +156,7 @@ def test_only_the_unknown_name_is_lost() -> None:
     assert link.commands == ["1FGET P SGFLIP", "1FGET P", "1FGET SGFLIP"]
 
 
-@pytest.mark.parametrize("limits", ["line-limit=40", "max-arguments=5"])
+@each_row("limits", ["line-limit=40", "max-arguments=5"])
 def test_dump_of_a_hand_with_tighter_limits(limits: str) -> None:
     hand, _ = simulated(limits)
     table = hand.dump()
@@ -216,7 +217,7 @@ def test_a_failed_line_names_the_link_once() -> None:
     assert failure.text.count(link.name) == 1
 
 
-@pytest.mark.parametrize("text", ["4.33", "VERS 4.33", "BarrettHand Firmware|Version 4.33"])
+@each_row("text", ["4.33", "VERS 4.33", "BarrettHand Firmware|Version 4.33"])
 def test_version_is_the_hands_own_text(text: str) -> None:
     hand, _ = scripted({"VERS": text})
     assert hand.version() == text.replace("|", " ")
@@ -233,7 +234,7 @@ def test_refusal_names_the_sum() -> None:
 # -- status -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("query", "words"),
     [
         ("fault=no-board", "F2: No motor board found (1)"), ("fault=no-motor", "F3: No motor found (2)"),
@@ -273,7 +274,7 @@ def test_temperatures() -> None:
 # -- writing ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("texts", "lines"),
     [
         (["MCV=80"], ["FSET MCV 80"]), (["HSG.F1=150", "HSG.F2=150"], ["12FSET HSG 150"]), (["DP.S=5"], ["4FSET DP 5"]),
@@ -330,7 +331,7 @@ def test_a_lost_answer_is_read_back_not_written_again() -> None:
     assert codes(hand) == ["answer-lost"]
 
 
-@pytest.mark.parametrize("answer", ["", None])
+@each_row("answer", ["", None])
 def test_read_back_differs(answer: str | None) -> None:
     hand, _ = scripted({"FSET DP 5": answer, "FGET DP": "5 5 8500 5"})
     with pytest.raises(CheckFailed) as caught:

@@ -9,6 +9,7 @@ import pytest
 
 from handctl.devices.barrett.maintenance.fingertips import LIMITS, beyond, tip
 from handctl.devices.barrett.realtime.joint_angles import Joints, joints
+from tests.support.each_row import each_row
 
 # F1 tip, F2 tip, F3 tip in mm, joints of F1 and F2 (barrett §9.5; dossier, section 10)
 VECTORS = [
@@ -22,7 +23,7 @@ VECTORS = [
 Matrix = list[list[float]]
 
 
-@pytest.mark.parametrize(("posture", "angles", "f1", "f2", "f3"), VECTORS)
+@each_row(("posture", "angles", "f1", "f2", "f3"), VECTORS)
 def test_vectors(
     posture: tuple[int, int, int | None], angles: tuple[float, ...], f1: tuple[float, ...], f2: tuple[float, ...], f3: tuple[float, ...]
 ) -> None:  # fmt: skip

@@ -43,7 +43,7 @@ def test_a_command_ends_with_one_cr() -> None:
     assert encode(" ~") == b" ~\r"
 
 
-@pytest.mark.parametrize("text", ["HI\r", "HI\nO", "HI\x03", "\x1b[A", "M 5°", "HI\x7f", "M\t5", "\x00", "Ｏ"])
+@each_row("text", ["HI\r", "HI\nO", "HI\x03", "\x1b[A", "M 5°", "HI\x7f", "M\t5", "\x00", "Ｏ"])
 def test_only_printable_ascii_leaves(text: str) -> None:
     with pytest.raises(UsageError) as caught:
         encode(text)
@@ -96,7 +96,7 @@ def test_exactly_the_codes_of_the_table() -> None:
     assert sum(status_codes.STATUS_CODES) == 32247
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("code", "text"),
     [
         (0, "ready"),
@@ -154,7 +154,7 @@ def test_answers(data: bytes, lines: tuple[str, ...], status: int, pieces: int) 
     assert (answer.command, answer.lines, answer.status) == ("FGET P", lines, status)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "data",
     [
         b"", b"FGET", b"FGET P", b"FGET P\n\r0 1 2 3", b"FGET P\n\r0 1 2 3\n\r", b"FGET P\n\r0 1 2 3\n\r=", b"=> ",
@@ -210,7 +210,7 @@ def test_values() -> None:
     assert table(2, 1, "7", "ERR 64") == [[7]]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("names", "motors", "lines"),
     [
         (1, 4, ("1 2 3",)), (1, 4, ("1 2 3 4 5",)), (1, 4, ()), (2, 1, ("1",)), (1, 1, ("1", "2")), (1, 4, ("1 2 x 4",)),

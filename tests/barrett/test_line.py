@@ -45,7 +45,7 @@ def test_only_who_may_interrupt_sends_abort() -> None:
     assert link.sent == [ABORT, QUESTION]
 
 
-@pytest.mark.parametrize("receiver", RECEIVERS)
+@each_row("receiver", RECEIVERS)
 def test_an_interrupt_is_no_trigger_to_a_boot_monitor_at_any_speed(receiver: str) -> None:
     """Somebody may have switched the hand off and on: its monitor hears 9600, and FF begins a download (dossier 7.2)."""
     for speed in SPEEDS[:2]:
@@ -106,8 +106,8 @@ def test_a_blank_behind_a_whole_prompt_is_a_stray_byte() -> None:
     assert hand.journal.counters.stray_bytes == 1
 
 
-@pytest.mark.parametrize("interrupt", [False, True])
-@pytest.mark.parametrize("typed", ["O", "12FSET TSTOP 9999", "HI", "\x00\xff"])
+@each_row("interrupt", [False, True])
+@each_row("typed", ["O", "12FSET TSTOP 9999", "HI", "\x00\xff"])
 def test_a_half_typed_line_is_never_executed(typed: str, interrupt: bool) -> None:
     link = Simulated("initialized=1")
     link.feed(typed.encode("latin-1"))
@@ -118,7 +118,7 @@ def test_a_half_typed_line_is_never_executed(typed: str, interrupt: bool) -> Non
     assert hand.line.ask("FGET S").lines == ("0 0 0 0",)
 
 
-@pytest.mark.parametrize("speed", SPEEDS)
+@each_row("speed", SPEEDS)
 def test_seven_speeds_are_tried(speed: int) -> None:
     link = ScriptedHand(speed=speed)
     hand = hand_on(link)
@@ -134,7 +134,7 @@ def test_seven_speeds_are_tried(speed: int) -> None:
         assert link.sent_at[2] >= 3.0, "a hand that is starting must have been given its time"
 
 
-@pytest.mark.parametrize("speed", SPEEDS)
+@each_row("speed", SPEEDS)
 def test_the_simulated_hand_is_found_at_every_speed(speed: int) -> None:
     hand = hand_on(Simulated(f"baud={speed}"))
     assert hand.version() == "4.33"
@@ -162,7 +162,7 @@ def test_a_link_without_speeds_is_asked_at_once() -> None:
     assert (link.sent, link.bauds) == ([QUESTION], [])
 
 
-@pytest.mark.parametrize("end", [b"\n\r=> ", b"\r\n=> ", b"\n\r=>", b"\n\rERR 32\n\r=> "])
+@each_row("end", [b"\n\r=> ", b"\r\n=> ", b"\n\r=>", b"\n\rERR 32\n\r=> "])
 def test_prompts(end: bytes) -> None:
     link = ScriptedLink(lambda request: [(0.01 * place, bytes([byte])) for place, byte in enumerate(b"!" + end)], 9600)
     hand_on(link).line.connect()
@@ -215,7 +215,7 @@ def test_at_one_speed_a_wire_and_a_monitor_are_not_told_apart() -> None:
     assert link.sent == [QUESTION]
 
 
-@pytest.mark.parametrize("colon", [b"", b":"])
+@each_row("colon", [b"", b":"])
 def test_a_monitor_that_was_only_seen_to_echo_may_be_another_device(colon: bytes) -> None:
     """Another device that echoes at 9600 is silent at 115200 too. Only the ':' is a monitor's alone."""
     link = ScriptedLink(lambda request: [(0.0, request)] if link.baud == 9600 else [], 9600)
@@ -227,7 +227,7 @@ def test_a_monitor_that_was_only_seen_to_echo_may_be_another_device(colon: bytes
     assert ("barrett listen" in caught.value.hint) == (not colon)
 
 
-@pytest.mark.parametrize("interrupt", [False, True])
+@each_row("interrupt", [False, True])
 def test_a_hand_that_does_not_echo_is_not_busy(interrupt: bool) -> None:
     """Half duplex, or a server that swallows the echo: no command has ended, and no reply can be matched with its request."""
     hand = hand_on(ScriptedLink(lambda request: [(0.0, b"\n\rERR 32\n\r=> " if b"!" in request else PROMPT)], 9600))
@@ -238,7 +238,7 @@ def test_a_hand_that_does_not_echo_is_not_busy(interrupt: bool) -> None:
     assert codes(hand) == []
 
 
-@pytest.mark.parametrize("keeps", [False, True])
+@each_row("keeps", [False, True])
 def test_a_hand_whose_command_has_just_ended_is_met(keeps: bool) -> None:
     """Its prompt has no echo of the request; it carries that out then, or has dropped it and is asked again."""
     link = ScriptedLink(None, 9600)
@@ -257,7 +257,7 @@ def test_a_babbling_line_ends() -> None:
     assert link.clock < 60.0
 
 
-@pytest.mark.parametrize("needed", [1, 3, 9])
+@each_row("needed", [1, 3, 9])
 def test_a_hand_in_its_loop_is_taken_out(needed: int) -> None:
     """A lost control block may expect up to 8 bytes: as many ^C go into it (dossier 1.5 step 4, §6.1)."""
     heard = 0
@@ -312,7 +312,7 @@ def test_deadlines_by_kind(command: str, seconds: int) -> None:
     assert link.clock - start < seconds + wire + 5.0
 
 
-@pytest.mark.parametrize("command", ["FGET P", "HI", "C", "FSAVE"])
+@each_row("command", ["FGET P", "HI", "C", "FSAVE"])
 def test_silence_instead_of_an_echo(command: str) -> None:
     """The echo has 1 s and twice its wire time (dossier 1.3)."""
     hand, link = scripted({command: None})
@@ -324,7 +324,7 @@ def test_silence_instead_of_an_echo(command: str) -> None:
     assert 1.0 <= link.clock - start < 4.0
 
 
-@pytest.mark.parametrize(("command", "shorter"), [("FGET P", True), ("FSET DP 1", True), ("HI", False), ("C", False)])
+@each_row(("command", "shorter"), [("FGET P", True), ("FSET DP 1", True), ("HI", False), ("C", False)])
 def test_timeout_is_for_queries(command: str, shorter: bool) -> None:
     hand, link = scripted({command: command.encode()}, timeout=0.5)
     start = link.clock
@@ -339,7 +339,7 @@ def test_a_slow_answer_is_waited_for() -> None:
     assert hand.line.ask("HI").status == 0
 
 
-@pytest.mark.parametrize("command", ["C", "12M 5000", "HI"])
+@each_row("command", ["C", "12M 5000", "HI"])
 def test_a_movement_that_does_not_end_is_stopped(command: str) -> None:
     """On a timeout ^C is sent (dossier 1.3): nobody else will stop it."""
     hand, link = scripted({command: command.encode()})
@@ -349,7 +349,7 @@ def test_a_movement_that_does_not_end_is_stopped(command: str) -> None:
     assert ABORT in link.sent[1:]
 
 
-@pytest.mark.parametrize("dead", [True, False])
+@each_row("dead", [True, False])
 def test_that_the_motors_stand_is_said_where_the_prompt_came(dead: bool) -> None:
     hand, link = scripted({"C": b"C"})
     link.on_abort = b"\n\rERR 16384" + PROMPT
@@ -362,13 +362,13 @@ def test_that_the_motors_stand_is_said_where_the_prompt_came(dead: bool) -> None
     assert ("^C was sent, but the hand did not reply: switch the power supply off" in caught.value.hint) == dead
 
 
-@pytest.mark.parametrize("command", ["FGET", "PGET", "12FGET"])
+@each_row("command", ["FGET", "PGET", "12FGET"])
 def test_a_get_of_nothing_may_answer_nothing(command: str) -> None:
     hand, _ = scripted({command: ""})
     assert hand.line.ask(command).lines == ()
 
 
-@pytest.mark.parametrize("command", ["GC", "HI", "FGET P"])
+@each_row("command", ["GC", "HI", "FGET P"])
 def test_a_link_lost_in_a_movement_warns_of_it(command: str) -> None:
     hand, _ = simulated("initialized=1&fault=disconnect&after=1")
     with pytest.raises(LinkError) as caught:
@@ -391,7 +391,7 @@ def test_deadline_bounds_everything() -> None:
     assert link.commands == []
 
 
-@pytest.mark.parametrize("seconds", [0.1, 1.0])
+@each_row("seconds", [0.1, 1.0])
 def test_deadline_bounds_the_search(seconds: float) -> None:
     link = ScriptedLink(baud=9600)
     hand = hand_on(link, bound=link.deadline(seconds))
@@ -410,7 +410,7 @@ def test_reads_are_retried_after_a_resynchronisation() -> None:
     assert 1.2 < gap < 1.5, "1 s for the echo, 200 ms of silence before the question"
 
 
-@pytest.mark.parametrize("retries", [0, 1, 5])
+@each_row("retries", [0, 1, 5])
 def test_reads_are_retried_so_often(retries: int) -> None:
     hand, link = scripted({"FGET P": None}, retries=retries)
     with pytest.raises(NoAnswer):
@@ -418,7 +418,7 @@ def test_reads_are_retried_so_often(retries: int) -> None:
     assert link.commands == ["FGET P"] * (retries + 1)
 
 
-@pytest.mark.parametrize("command", ["FSET DP 1", "FSAVE", "HI", "C", "1T", "PSET LFT 1"])
+@each_row("command", ["FSET DP 1", "FSAVE", "HI", "C", "1T", "PSET LFT 1"])
 def test_what_changes_something_is_asked_once(command: str) -> None:
     hand, link = scripted({command: None})
     with pytest.raises(NoAnswer):
@@ -441,7 +441,7 @@ def test_a_late_answer_does_not_pass_for_the_next() -> None:
     assert hand.journal.counters.stray_bytes == len(gcl("FGET P", "9 9 9 9"))
 
 
-@pytest.mark.parametrize("late", ["0.3", "0.45", "0.6", "0.9", "1.3"])
+@each_row("late", ["0.3", "0.45", "0.6", "0.9", "1.3"])
 def test_on_a_late_line_no_answer_is_taken_for_that_of_the_next_question(late: str) -> None:
     """All questions are echoed at once and answered later: two are out when the first prompt comes."""
     right, _ = simulated("initialized=1")
@@ -454,7 +454,7 @@ def test_on_a_late_line_no_answer_is_taken_for_that_of_the_next_question(late: s
         assert hand.line.read(f"FGET {name}").lines == right.line.read(f"FGET {name}").lines
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("answer", "code"),
     [
         (b"FGET P\n\r1 2 3 4\n\r", "cut-short"), (b"FGET P", "cut-short"), (b"FGET Q\n\r1\n\r=> ", "echo-differs"),
@@ -471,9 +471,9 @@ def test_invalid_answers(answer: bytes, code: str) -> None:
         assert "46 47 45 54 20 50 0D" in caught.value.text
 
 
-@pytest.mark.parametrize("end", [b"\n\r", b"\r\n"])
-@pytest.mark.parametrize("prompt", [b"=> ", b"=>"])
-@pytest.mark.parametrize("dribble", [0.0, 0.001, 0.02])
+@each_row("end", [b"\n\r", b"\r\n"])
+@each_row("prompt", [b"=> ", b"=>"])
+@each_row("dribble", [0.0, 0.001, 0.02])
 def test_line_ends_prompts_and_pieces(end: bytes, prompt: bytes, dribble: float) -> None:
     """Nothing is left over for the next command, and nothing counts as stray."""
     first, second = (gcl("FGET P", f"{n} 2 3 4", end=end, prompt=prompt) for n in (1, 5))

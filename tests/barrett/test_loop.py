@@ -133,7 +133,7 @@ def test_discarded_deltas_are_told() -> None:
     assert "discard" in codes(run.hand)
 
 
-@pytest.mark.parametrize("firmware", ["4.33", "4.34", "4.4"])
+@each_row("firmware", ["4.33", "4.34", "4.4"])
 def test_every_firmware(firmware: str) -> None:
     run = Run(f"firmware={firmware}&temperature=415", controls=example()).go(3)
     assert run.error is None and run.flags() == run.before
@@ -152,7 +152,7 @@ def test_feedback_of_later_firmware() -> None:
     assert "LOOP" not in " ".join(older.link.commands) and older.flags() == older.before
 
 
-@pytest.mark.parametrize(("name", "sends"), [("LCVC", True), ("LFVC", False), ("LFDPC", False)])
+@each_row(("name", "sends"), [("LCVC", True), ("LFVC", False), ("LFDPC", False)])
 def test_a_coefficient_of_0_is_refused(name: str, sends: bool) -> None:
     """It would divide by zero, or stop the motor for ever; flags are put back."""
     link = Simulated("initialized=1")

@@ -33,7 +33,7 @@ def gcl_named(params: list[GclParam]) -> list[object]:
     return [pytest.param(param, id=param.mnemonic) for param in params]
 
 
-@pytest.mark.parametrize("firmware", ["4.33", "4.34", "4.4"])
+@each_row("firmware", ["4.33", "4.34", "4.4"])
 def test_both_books_have_the_same_names(firmware: str) -> None:
     """FLISTA and PLISTA against the map, and FLIST and PLIST against what is not advanced (§5.2.5)."""
     hand = Gcl(firmware=firmware)

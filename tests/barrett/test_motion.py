@@ -33,7 +33,7 @@ def moved(query: str, prefix: str, name: str, argument: int | None = None) -> tu
 # -- what is sent -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("prefix", "name", "argument", "text"),
     [
         ("", "HI", None, "HI"), ("4", "C", None, "4C"), ("123", "O", None, "123O"), ("13", "M", 1000, "13M 1000"),
@@ -46,7 +46,7 @@ def test_command_text(prefix: str, name: str, argument: int | None, text: str) -
     assert motion.command_text(prefix, name, argument) == text
 
 
-@pytest.mark.parametrize("argument", [-1, 20001, 1 << 40])
+@each_row("argument", [-1, 20001, 1 << 40])
 def test_arguments_are_checked(argument: int) -> None:
     with pytest.raises(UsageError) as caught:
         motion.command_text("", "M", argument)
@@ -57,7 +57,7 @@ def test_arguments_are_checked(argument: int) -> None:
     assert link.sent == []
 
 
-@pytest.mark.parametrize("line", [b"ER\xb2 16", b"ERR 1\xb6", b"noise"])
+@each_row("line", [b"ER\xb2 16", b"ERR 1\xb6", b"noise"])
 def test_a_spoiled_status_is_no_success(line: bytes) -> None:
     """The rows tell where the motors stand all the same; the exit code is that of an answer that is not valid."""
     hand, link = scripted(
@@ -137,7 +137,7 @@ def test_four_motors_named_are_four_motors(verb: str, capsys: pytest.CaptureFixt
     assert planned(capsys, verb, "--motors", "1234") == [f"1234{VERBS[verb]}\r"]
 
 
-@pytest.mark.parametrize("args", [["close", "--motors", ""], ["stop", "--motors", ""], ["set", "DP=1", "--motors", ""]])
+@each_row("args", [["close", "--motors", ""], ["stop", "--motors", ""], ["set", "DP=1", "--motors", ""]])
 def test_an_empty_choice_is_not_everything(args: list[str]) -> None:
     assert main(["barrett", *args, "--fake", "-n"]) == 2
 
@@ -151,7 +151,7 @@ TARGETS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "argument", "finger", "spread"), TARGETS)
+@each_row(("name", "argument", "finger", "spread"), TARGETS)
 def test_goals_are_reached(name: str, argument: int | None, finger: int, spread: int) -> None:
     rows, _, failure = moved("initialized=1", "", name, argument)
     assert failure is None
@@ -164,7 +164,7 @@ def test_goals_are_reached(name: str, argument: int | None, finger: int, spread:
         assert (row["strain"] is None) == (motor == "SPREAD"), "255 is no gauge, and no strain"
 
 
-@pytest.mark.parametrize(("argument", "goal"), [(None, 3300), (400, 4600)])
+@each_row(("argument", "goal"), [(None, 3300), (400, 4600)])
 def test_step_open_counts_from_here(argument: int | None, goal: int) -> None:
     hand, link = simulated()
     hand.line.ask("GM 5000")
@@ -187,7 +187,7 @@ def test_init() -> None:
     assert [row["status"] for row in rows.values()] == [0, 0, 0, 0]
 
 
-@pytest.mark.parametrize("name", ["TC", "TO"])
+@each_row("name", ["TC", "TO"])
 def test_torque_has_no_goal(name: str) -> None:
     rows, _, failure = moved("initialized=1", "12", name)
     assert failure is None
@@ -237,7 +237,7 @@ def test_a_move_that_is_stopped_is_an_error() -> None:
     assert rows["F1"]["ended"] == "stalled short of the target"
 
 
-@pytest.mark.parametrize("name", ["M", "C", "HOME", "IC", "TC"])
+@each_row("name", ["M", "C", "HOME", "IC", "TC"])
 def test_before_hi(name: str) -> None:
     rows, _, failure = moved("", "", name)
     assert isinstance(failure, DeviceRefused)
@@ -280,10 +280,10 @@ def test_strain_ends_a_movement() -> None:
     assert [row["ended"] for row in table.rows] == ["reached", "strain limit: 221 is above HSG 200", "reached"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "query", ["initialized=1&fault=over-temperature", "initialized=1&fault=over-temperature&otemp-stops=movements"]
 )
-@pytest.mark.parametrize("name", ["C", "HOME", "M", "TC"])
+@each_row("name", ["C", "HOME", "M", "TC"])
 def test_over_temperature(query: str, name: str) -> None:
     rows, _, failure = moved(query, "", name)
     assert isinstance(failure, DeviceRefused)
@@ -302,7 +302,7 @@ def test_a_disabled_motor_did_not_move() -> None:
     assert set(ended.values()) == {"reached"}
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("prefix", "argument", "warned"), [("1", 17800, 0), ("1", 17801, 1), ("4", 3150, 0), ("4", 3151, 1), ("", 20000, 2)]
 )
 def test_beyond_the_joint(prefix: str, argument: int, warned: int) -> None:
@@ -384,7 +384,7 @@ def test_only_what_moved_or_says_so_touched_something(
     assert motion.how_it_ended(name, {**OFF, "P": now}, goal, status, start) == ended
 
 
-@pytest.mark.parametrize("name", ["HOME", "M", "HI", "O"])
+@each_row("name", ["HOME", "M", "HI", "O"])
 def test_an_unknown_position_is_not_reached(name: str) -> None:
     assert motion.how_it_ended(name, {}, 0, 0).verdict != "reached"
 
@@ -392,7 +392,7 @@ def test_an_unknown_position_is_not_reached(name: str) -> None:
 # -- power off --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("status", ["", "ERR 4", "ERR 1", "ERR 5"])
+@each_row("status", ["", "ERR 4", "ERR 1", "ERR 5"])
 def test_stop_works_though_it_complains(status: str) -> None:
     """The manual prints "ERR 1" where a motor is not initialized; the others are off all the same (§5.2.1 T)."""
     hand, link = scripted({"12T": status})
@@ -410,7 +410,7 @@ def test_stop_refused() -> None:
 # -- Ctrl-C -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["C", "M", "TC"])
+@each_row("name", ["C", "M", "TC"])
 def test_ctrl_c_stops_the_hand(name: str) -> None:
     hand, link = simulated()
     link.interrupt_at = link.now() + 0.3
@@ -463,7 +463,7 @@ def test_the_names_of_goals_exist() -> None:
 # -- what would harm --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "argument", "line"),
     [
         ("O", None, "1FSET MOV 4080"), ("TO", None, "1FSET MOV 301"), ("IO", 500, "1FSET MOV 4080"), ("HOME", None, "1FSET MOV 4080"),
@@ -486,7 +486,7 @@ def test_no_opening_faster_than_ivel_may_be(name: str, argument: int | None, lin
     assert doing(link) == [motion.command_text("1", name, argument)]
 
 
-@pytest.mark.parametrize(("name", "argument"), [("C", None), ("M", 9000), ("IC", 500), ("TC", None)])
+@each_row(("name", "argument"), [("C", None), ("M", 9000), ("IC", 500), ("TC", None)])
 def test_closing_asks_nothing_of_mov(name: str, argument: int | None) -> None:
     hand, link = simulated()
     hand.line.ask("1FSET MOV 4080")
@@ -494,7 +494,7 @@ def test_closing_asks_nothing_of_mov(name: str, argument: int | None) -> None:
     assert doing(link)[-1] == motion.command_text("1", name, argument)
 
 
-@pytest.mark.parametrize(("name", "line"), [
+@each_row(("name", "line"), [
     ("O", "1FSET OT 60000"), ("C", "1FSET CT 0"), ("O", "1FSET OT 9000 CT 5000"), ("C", "1FSET OT 9000 CT 9000"),
 ])  # fmt: skip
 def test_targets_that_turn_it_around(name: str, line: str) -> None:

@@ -92,7 +92,7 @@ def test_motor_parameters(row: tuple[str, str, int, int, int, int, str, str]) ->
     assert not param.is_global
 
 
-@pytest.mark.parametrize("row", GLOBAL, ids=lambda row: row[0])
+@each_row("row", GLOBAL, ids=lambda row: row[0])
 def test_global_parameters(row: tuple[str, str, int, int, int, str, str]) -> None:
     mnemonic, name, low, high, default, kind, section = row
     param = BARRETT.by_mnemonic(mnemonic)
@@ -138,7 +138,7 @@ def test_seven_speeds_and_no_other() -> None:
     assert [other.mnemonic for other in BARRETT if other.strands] == ["BAUD"]
 
 
-@pytest.mark.parametrize("mnemonic", ["LCVC", "LFVC", "LFDPC", "ACCEL"])
+@each_row("mnemonic", ["LCVC", "LFVC", "LFDPC", "ACCEL"])
 def test_zero_is_refused_where_it_stops_or_divides(mnemonic: str) -> None:
     with pytest.raises(UsageError):
         changes(f"{mnemonic}=0")
@@ -157,7 +157,7 @@ def test_snapshot_covers_all_writable_values() -> None:
 # -- finding ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "wanted"),
     [
         ("P", ["position.F1", "position.F2", "position.F3", "position.SPREAD"]), ("p.f1", ["position.F1"]),
@@ -170,7 +170,7 @@ def test_find(name: str, wanted: list[str]) -> None:
     assert [element.full_name for element in elements(name)] == wanted
 
 
-@pytest.mark.parametrize("name", ["", "Q", "P.5", "P.", "P.F4", "P.G", "TEMP.1", "TEMP.F1", "P.F1.F2", ".", "XX.1"])
+@each_row("name", ["", "Q", "P.5", "P.", "P.F4", "P.G", "TEMP.1", "TEMP.F1", "P.F1.F2", ".", "XX.1"])
 def test_not_found(name: str) -> None:
     with pytest.raises(UsageError) as caught:
         BARRETT.find(name)
@@ -273,7 +273,7 @@ def row(param: GclParam, motor: str | None, value: int) -> dict[str, object]:
     return {"name": param.name, "parameter": param.mnemonic, "motor": motor, "value": value}
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("mnemonic", "motor", "value", "words"),
     [
         ("TSTOP", "F3", 10000, "F3: TSTOP = 10000"), ("IVEL", "SPREAD", 300, "SPREAD: IVEL = 300"),
@@ -304,7 +304,7 @@ def test_audit_compares_the_two_names_of_one_limit() -> None:
 # -- units of a person --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "hint"),
     [
         ("over_temperature_limit=60.5", "60.5 °C is over_temperature_limit=605"), ("OTEMP=6.05", ""),
@@ -318,16 +318,14 @@ def test_a_value_in_the_unit_of_a_person_is_told_in_the_wires(text: str, hint: s
     assert caught.value.hint.startswith(hint) if hint else " is over_temp" not in caught.value.hint
 
 
-@pytest.mark.parametrize("text", ["OTEMP=x", "DP.F1=1.5", "OTEMP=1.2.3", "OTEMP="])
+@each_row("text", ["OTEMP=x", "DP.F1=1.5", "OTEMP=1.2.3", "OTEMP="])
 def test_other_nonsense_stays_nonsense(text: str) -> None:
     with pytest.raises(UsageError) as caught:
         changes(text)
     assert "whole number" in caught.value.text and "cts/sample" not in caught.value.hint
 
 
-@pytest.mark.parametrize(
-    "param", [param for param in BARRETT if param.scale is not None], ids=lambda param: param.mnemonic
-)
+@each_row("param", [param for param in BARRETT if param.scale is not None], ids=lambda param: param.mnemonic)
 def test_every_scaled_unit_is_exact(param: GclParam) -> None:
     hand, _ = simulated()
     (reading, *_) = hand.read([Element(param, 0)])

@@ -23,6 +23,7 @@ from handctl.devices.barrett.realtime.blocks import (
     velocity_unit,
 )
 from handctl.errors import ProtocolError, UsageError
+from tests.support.each_row import each_row
 
 ALL = Selection(("velocity", "gain"), ("velocity", "strain", "position", "delta"))
 LATER = Selection(("velocity",), ("position", "breakaway_position", "analog"))
@@ -61,7 +62,7 @@ def answers(layout: Layout, asked: str, *chunks: bytes) -> list[Any]:
 # -- layouts ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("layout", "control", "feedback"),
     [
         (EXAMPLE, 3, 8),
@@ -93,9 +94,7 @@ def test_control_of_the_factory_flags() -> None:
     assert FACTORY.control(values)[1:3].hex(" ").upper() == "81 FF"
 
 
-@pytest.mark.parametrize(
-    ("name", "value"), [("velocity", 128), ("velocity", -128), ("gain", -1), ("gain", 256), ("velocity", 10**9)]
-)
+@each_row(("name", "value"), [("velocity", 128), ("velocity", -128), ("gain", -1), ("gain", 256), ("velocity", 10**9)])
 def test_values_that_do_not_fit_are_refused(name: str, value: int) -> None:
     with pytest.raises(UsageError) as caught:
         check_control(name, value)
@@ -104,7 +103,7 @@ def test_values_that_do_not_fit_are_refused(name: str, value: int) -> None:
         FACTORY.control({index: {"velocity": 0, "gain": 0, name: value} for index in range(4)})
 
 
-@pytest.mark.parametrize("value", [-127, 0, 127])
+@each_row("value", [-127, 0, 127])
 def test_values_that_fit(value: int) -> None:
     assert (check_control("velocity", value), check_control("gain", 255)) == (value, 255)
 
@@ -129,7 +128,7 @@ FACTORY_VALUES = Feedback(
 )
 
 
-@pytest.mark.parametrize(("text", "expected"), EXAMPLE_BLOCKS)
+@each_row(("text", "expected"), EXAMPLE_BLOCKS)
 def test_feedback_whole_and_byte_by_byte(text: str, expected: Feedback) -> None:
     block = bytes.fromhex(text)
     assert answers(EXAMPLE, "F", block) == [expected]
@@ -173,7 +172,7 @@ def test_what_is_outstanding() -> None:
     assert decoder.next() is True and decoder.outstanding == 0
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "status"),
     [(ERROR, 2048), (b"\n\rERR 8192\n\r=>", 8192), (b"\r\nERR 20\r\n=> ", 20), (b"\n\r=> ", 0), (b"\n\r=>", 0)],
 )
@@ -195,7 +194,7 @@ def test_an_error_ends_all_that_was_asked() -> None:
     assert (decoder.outstanding, decoder.received) == (0, b"")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("asked", "data", "code"),
     [
         ("F", b"\x78", "bad-block"),
@@ -290,7 +289,7 @@ def test_any_layout_there_and_back(layout: Layout, data: st.DataObject) -> None:
 # -- delta positions --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("start", "divisor", "block", "positions", "saturated"),
     [
         (1500, 2, "7F 7B 00", [1754, 2000, 2000], 1),  # §6.2.3
@@ -312,7 +311,7 @@ def test_delta_positions(start: int, divisor: int, block: str, positions: list[i
 # -- floors -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("sizes", "at_9600", "at_38400"),
     [
         ((3, 8), (87.3, 106.7, 120.0), (349.1, 426.7, 480.0)),
@@ -334,7 +333,7 @@ def test_floors(sizes: tuple[int, int], at_9600: tuple[float, ...], at_38400: tu
 # -- what the user asks for -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("texts", "motors", "expected"),
     [
         (["strain@12", "delta"], [0, 1, 3], {0: ("strain", "delta"), 1: ("strain", "delta"), 3: ("delta",)}),
@@ -351,7 +350,7 @@ def test_selections(texts: list[str], motors: list[int], expected: dict[int, tup
     assert selections(texts, FEEDBACK, motors, "--receive") == expected
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("texts", "word"),
     [
         (["stran"], "stran"), (["strain@"], "strain@"), (["strain@5"], "strain@5"), (["strain@3"], "--motors"),
@@ -383,8 +382,6 @@ def test_the_unit_of_velocity_is_fitted() -> None:
     assert velocity_unit(there + back) == pytest.approx(400.0)
 
 
-@pytest.mark.parametrize(
-    "points", [[], [(0.0, 0, 5)], [(0.01 * n, 0, 0) for n in range(50)], [(0.0, n, 5) for n in range(50)]]
-)
+@each_row("points", [[], [(0.0, 0, 5)], [(0.01 * n, 0, 0) for n in range(50)], [(0.0, n, 5) for n in range(50)]])
 def test_without_motion_there_is_no_unit(points: list[tuple[float, int, int]]) -> None:
     assert velocity_unit(points) is None

@@ -7,6 +7,7 @@ import pytest
 from handctl.devices.barrett.gcl.line import Restarted
 from tests.barrett.support import changes, codes, scripted, simulated
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.refused import refused
 
 BANNER = b"\n\rBarrettHand Firmware\n\rVersion 4.33\n\r=> "
@@ -17,8 +18,8 @@ BOOTS = {
 }
 
 
-@pytest.mark.parametrize("boot", BOOTS)
-@pytest.mark.parametrize("echo", [b"", b"FGE", b"FGET P"])
+@each_row("boot", BOOTS)
+@each_row("echo", [b"", b"FGE", b"FGET P"])
 def test_a_question_is_asked_again_after_the_prompt(boot: str, echo: bytes) -> None:
     hand, link = scripted({"FGET P": [echo + BOOTS[boot][0], "1 2 3 4"]})
     for place, piece in enumerate(BOOTS[boot][1:]):
@@ -30,8 +31,8 @@ def test_a_question_is_asked_again_after_the_prompt(boot: str, echo: bytes) -> N
     assert b"\x03" not in link.sent
 
 
-@pytest.mark.parametrize("boot", BOOTS)
-@pytest.mark.parametrize("command", ["C", "FSET DP 5"])
+@each_row("boot", BOOTS)
+@each_row("command", ["C", "FSET DP 5"])
 def test_what_moves_or_writes_is_not_repeated(boot: str, command: str) -> None:
     hand, link = scripted({command: b"".join(BOOTS[boot])})
     with pytest.raises(Restarted) as caught:
@@ -42,7 +43,7 @@ def test_what_moves_or_writes_is_not_repeated(boot: str, command: str) -> None:
     assert link.clock < 1.0
 
 
-@pytest.mark.parametrize("boot", BOOTS)
+@each_row("boot", BOOTS)
 def test_a_restart_ends_a_group_of_writes(boot: str) -> None:
     """Its RAM is that of the EEPROM again: what was set before is gone, and reading back this line alone would not show it."""
     hand, link = scripted({"FSET DP 5": "", "PSET LFT 1": b"".join(BOOTS[boot]), "*": "5"})
@@ -52,7 +53,7 @@ def test_a_restart_ends_a_group_of_writes(boot: str) -> None:
     assert link.commands == ["FSET DP 5", "PSET LFT 1"]
 
 
-@pytest.mark.parametrize("echo", [b"", b"C\r\n"])
+@each_row("echo", [b"", b"C\r\n"])
 def test_the_monitor_alone_ends_a_movement_long_before_its_deadline(echo: bytes) -> None:
     """No banner comes behind the ':': firmware that is gone, or a boot window that is still open."""
     hand, link = scripted({"C": echo + b":"})
@@ -106,7 +107,7 @@ def test_realtime_over_a_power_cycle(chunk: str) -> None:
     assert "the hand restarted because of a power or cable problem, and must be initialized (HI)" in result.out
 
 
-@pytest.mark.parametrize("boot", [0.3, 0.46, 0.48, 0.5, 0.502, 0.51, 0.53, 0.55, 1.2])
+@each_row("boot", [0.3, 0.46, 0.48, 0.5, 0.502, 0.51, 0.53, 0.55, 1.2])
 def test_a_banner_that_begins_at_the_end_of_a_wait_is_heard_to_its_end(boot: float) -> None:
     hand, link = simulated(f"found=boot&boot={boot}&wire=auto&boot-chunk=together")
     assert codes(hand) == ["restarted"]

@@ -57,7 +57,7 @@ def test_a_gain_is_never_made_up() -> None:
     assert "F3" in caught.value.text and "--gain" in str(caught.value.hint)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "motors", "expected"),
     [
         ("20", [0, 1, 3], {0: 20, 1: 20, 3: 20}),
@@ -263,7 +263,7 @@ def test_a_live_line_is_taken_over_by_the_next_block() -> None:
     assert velocities(controls, 0.0) == [None]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "word"),
     [
         ("1,2,3\n", "line 3"),

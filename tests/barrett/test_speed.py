@@ -21,12 +21,13 @@ from tests.barrett.support import (
     scripted,
     simulated,
 )
+from tests.support.each_row import each_row
 from tests.support.refused import refused
 
 # -- the speed --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dribble", [0.0, 0.001])
+@each_row("dribble", [0.0, 0.001])
 def test_the_port_follows_the_speed(dribble: float) -> None:
     """13 echo bytes at the old speed, the port, 1 s, CR, prompt (dossier 1.2)."""
     link = ScriptedHand({"PSET BAUD 384": "", "PGET BAUD": "384"})
@@ -39,7 +40,7 @@ def test_the_port_follows_the_speed(dribble: float) -> None:
     assert link.sent_at[2] - link.sent_at[1] >= 1.0
 
 
-@pytest.mark.parametrize("code", [6, 12, 24, 48, 96, 192, 384])
+@each_row("code", [6, 12, 24, 48, 96, 192, 384])
 def test_every_speed_of_the_simulated_hand(code: int) -> None:
     hand, link = simulated("baud=9600" if code != 96 else "baud=2400")
     assert [reading.value for reading in hand.write(changes(f"BAUD={code}"))] == [code]
@@ -63,7 +64,7 @@ def test_a_hand_that_does_not_follow() -> None:
     assert hand.read(elements("BAUD"))[0].value == 96
 
 
-@pytest.mark.parametrize("baud", [None, 9600])
+@each_row("baud", [None, 9600])
 def test_a_prompt_at_a_speed_that_means_nothing_is_no_evidence(baud: int | None) -> None:
     """A device server with a speed of its own, or a port that keeps its own: the prompt comes, and BAUD is what it was."""
     link = ScriptedHand({"PSET BAUD 384": "ERR 128", "PGET BAUD": "96"}, baud=baud)
@@ -102,7 +103,7 @@ def test_a_wrong_echo_of_the_speed_keeps_the_port() -> None:
 # -- reset ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("before", ["", "colon"])
+@each_row("before", ["", "colon"])
 def test_reset_shows_the_banner(before: str) -> None:
     banner = gcl("RESET")[:5] + (b":" if before else b"") + b"\n\rBarrettHand Firmware\n\rVersion 4.33\n\r=> "
     hand, link = scripted({"RESET": banner})

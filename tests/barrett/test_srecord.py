@@ -27,7 +27,7 @@ def load(*lines: str, end: str = "\n", last: str = "\n") -> Firmware:
     return parse("x.s19", (end.join(lines) + last).encode("latin-1"))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("before", "behind", "encoding"),
     [
         ("", "\x1a", "latin-1"),
@@ -73,7 +73,7 @@ def test_the_record_of_the_dossier() -> None:
     assert [(r.line, r.address, r.data) for r in firmware.records] == [(1, 0x2000, DATA)]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("end", "last", "change"),
     [
         ("\n", "\n", str), ("\r\n", "\r\n", str), ("\n", "", str), ("\r\n", "", str), ("\n\n \n", "\n\n", str),
@@ -106,9 +106,7 @@ def test_time_of_a_download(count: int, size: int, seconds: float) -> None:
     assert load(*lines, END).seconds == pytest.approx(seconds, abs=0.06)
 
 
-@pytest.mark.parametrize(
-    ("count", "sizes"), [(1, [1]), (32, [32]), (33, [32, 1]), (64, [32, 32]), (252, [32] * 7 + [28])]
-)
+@each_row(("count", "sizes"), [(1, [1]), (32, [32]), (33, [32, 1]), (64, [32, 32]), (252, [32] * 7 + [28])])
 def test_long_records_are_split(count: int, sizes: list[int]) -> None:
     data = bytes(number % 251 for number in range(count))
     firmware = load(record(0x4000, data), END)
@@ -123,7 +121,7 @@ def test_records_stay_in_the_order_of_the_file() -> None:
     assert [part.address for part in firmware.records] == [0x5000, 0x4000, 0x4800]
 
 
-@pytest.mark.parametrize(("count", "expected"), [(2, {}), (1, {"count": "fail"}), (3, {"count": "fail"})])
+@each_row(("count", "expected"), [(2, {}), (1, {"count": "fail"}), (3, {"count": "fail"})])
 def test_s5(count: int, expected: dict[str, str]) -> None:
     lines = (EXAMPLE, record(0x2008, b"\x01"), record(count, b"", "5"), END)
     firmware = load(*lines)
@@ -169,7 +167,7 @@ def test_every_line_is_read() -> None:
     assert evidence(firmware, "checksums") == "line 1: checksum 00, the bytes give 70 (and 1 more)"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "size", "status"),
     [(0x00FF, 1, "warning"), (0x0100, 1, None), (0x0FFF, 1, None), (0x0FFF, 2, "warning"), (0x103F, 1, "warning"),
      (0x1040, 1, None), (0xF7FF, 1, None), (0xF7FF, 2, "warning"), (0xF800, 1, "warning"), (0xFFFF, 1, "warning")],

@@ -155,8 +155,8 @@ def test_the_table_tells_what_was_sent_and_changed(scratch: Path) -> None:
 # -- bits ------------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("receiver", RECEIVERS)
-@pytest.mark.parametrize("speed", [speed for speed in SPEEDS if speed != 9600])
+@each_row("receiver", RECEIVERS)
+@each_row("speed", [speed for speed in SPEEDS if speed != 9600])
 def test_what_a_connect_sends_is_no_trigger(speed: int, receiver: str) -> None:
     for data in (QUESTION, FILL, SAFE_ABORT if speed > 9600 else ABORT):
         assert 0xFF not in resample(data, speed, 9600, receiver), data
@@ -248,7 +248,7 @@ SAID = {
 }
 
 
-@pytest.mark.parametrize("state", SAID)
+@each_row("state", SAID)
 def test_what_was_found_out_is_said(state: str) -> None:
     link = Simulated(f"found={state}&initialized=1&wire=auto")
     hand = hand_on(link)
@@ -259,7 +259,7 @@ def test_what_was_found_out_is_said(state: str) -> None:
     assert not [data for data in link.sent if ABORT in data]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "seen"),
     [
         (b":", table.COLON), (b"!\0\r:", table.COLON), (b"\n\r12:\0\r\n", table.COLON), (b'{"motor_pos":', table.BYTES),
@@ -294,8 +294,8 @@ def test_a_control_block_that_was_cut_off_is_ended(missing: int, baud: int) -> N
     assert hand.line.ask("FGET P").lines == ("0 0 0 0",)
 
 
-@pytest.mark.parametrize("state", ["monitor", "record"])
-@pytest.mark.parametrize("echo", ["0", "1"])
+@each_row("state", ["monitor", "record"])
+@each_row("echo", ["0", "1"])
 def test_a_blank_hand_is_no_echo(state: str, echo: str) -> None:
     link = Simulated(f"found={state}&monitor-echo={echo}&wire=auto")
     with pytest.raises(HandctlError) as caught:
@@ -324,9 +324,7 @@ def test_the_last_speed_is_kept_per_port() -> None:
     assert state_files.recall(Port(9600)) is None  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(
-    "content", ["", "{", "[1]", '{"/dev/ttyX": "fast"}', '{"/dev/ttyX": 57600}', '{"/dev/ttyX": [9600]}']
-)
+@each_row("content", ["", "{", "[1]", '{"/dev/ttyX": "fast"}', '{"/dev/ttyX": 57600}', '{"/dev/ttyX": [9600]}'])
 def test_a_damaged_file_is_as_good_as_none(content: str) -> None:
     path = state_path(state_files.NAME)
     path.parent.mkdir(parents=True)

@@ -9,6 +9,7 @@ from handctl.errors import CheckFailed, DeviceRefused
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING
 from handctl.model.prompts import Prompts
 from tests.barrett.support import codes, scripted, simulated
+from tests.support.each_row import each_row
 
 OPEN = {"123FGET P S OT SGFLIP": "0 50 -50|0 0 0|0 0 0|0 0 0"}
 
@@ -26,7 +27,7 @@ def test_statistics_of_twenty_readings() -> None:
     assert table.failure is None and codes(hand) == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("reading", "statuses", "fails"),
     [
         ("100 140 120", [OK, OK, OK], False),

@@ -116,7 +116,7 @@ def test_host_makes_and_takes_blocks(case: Case, pieces: bool) -> None:
         assert [delta.add(int(value)) for value in got] == [int(value) for value in wanted.split()]
 
 
-@pytest.mark.parametrize("case", named([case for case in BLOCKS if "sim" in case.says]))
+@each_row("case", named([case for case in BLOCKS if "sim" in case.says]))
 def test_simulator_answers_blocks(case: Case) -> None:
     line = create("barrett", dict(item.split("=") for item in case.says["sim"].split("&")))
     now = 0.0
@@ -140,7 +140,7 @@ def parts(case: Case) -> tuple[int, bool, list[str]]:
     return int(words.split()[1]), "echoed" in words, records.split()
 
 
-@pytest.mark.parametrize("case", named(DOWNLOADS))
+@each_row("case", named(DOWNLOADS))
 def test_host_sends_records(case: Case) -> None:
     window, triggers, lines = parts(case)
     firmware = parse("x", "\n".join([*lines, "S9030000FC"]).encode())
@@ -164,8 +164,8 @@ def test_host_sends_records(case: Case) -> None:
     assert firmware.image_sha256 == case.says["gives"]
 
 
-@pytest.mark.parametrize("pieces", [False, True], ids=["whole", "byte by byte"])
-@pytest.mark.parametrize("case", named(DOWNLOADS))
+@each_row("pieces", [False, True], ids=["whole", "byte by byte"])
+@each_row("case", named(DOWNLOADS))
 def test_simulator_keeps_the_image(case: Case, pieces: bool) -> None:
     line = create("barrett", dict(item.split("=") for item in case.says["sim"].split("&")))
     line.advance(0.0)

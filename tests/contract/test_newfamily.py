@@ -16,6 +16,7 @@ from handctl import guides
 from handctl.newfamily import Refused, plan
 from handctl.newfamily.__main__ import NEXT
 from tests.kernel.budget import code_lines
+from tests.support.each_row import each_row
 from tests.support.places import TESTS
 
 TOP = TESTS.parent
@@ -92,7 +93,7 @@ def _is_other(path: Path, before: Path) -> bool:
     return before.is_file() and path.read_bytes() != before.read_bytes()
 
 
-@pytest.mark.parametrize("name", ["exo", "sim", "aidin", "Gripper", "two words", "../x", "class", "1st", ""])
+@each_row("name", ["exo", "sim", "aidin", "Gripper", "two words", "../x", "class", "1st", ""])
 def test_a_name_that_cannot_be_is_refused(name: str) -> None:
     with pytest.raises(Refused):
         plan(TOP, name)

@@ -11,8 +11,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from handctl.devices.ekso.dataport import DataPort
 from handctl.devices.ekso.frames import Command
 from handctl.devices.inspire import modbus_frames
@@ -116,8 +114,8 @@ def told(journal: Journal) -> int:
     return sum(message.code == "two-replies" for message in journal.messages)
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("apart", [0.0, 0.004])
+@each_row("wire", WIRES)
+@each_row("apart", [0.0, 0.004])
 def test_two_different_replies_are_told_once(wire: str, apart: float) -> None:
     """Whether the second comes in the same piece or before the next request."""
     line, ask, link = WIRES[wire](apart, 300)
@@ -127,7 +125,7 @@ def test_two_different_replies_are_told_once(wire: str, apart: float) -> None:
     assert told(line.journal) == 1
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_the_same_reply_twice_is_no_contradiction(wire: str) -> None:
     line, ask, link = WIRES[wire](0.004, 100)
     for _ in range(3):
@@ -136,7 +134,7 @@ def test_the_same_reply_twice_is_no_contradiction(wire: str) -> None:
     assert told(line.journal) == 0
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_a_late_reply_to_a_request_that_was_given_up_is_no_contradiction(wire: str) -> None:
     line, ask, link = WIRES[wire](0.004, 300)
     line.gave_up = True

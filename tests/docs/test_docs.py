@@ -200,7 +200,7 @@ def test_every_command_option_and_help_text_is_in_its_page(name: str) -> None:
                 assert " ".join((param.help or "").replace("`", "").split()) in words, (path, param.opts)
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@each_row("name", FAMILIES)
 def test_every_quantity_is_in_its_page(name: str) -> None:
     text = plain(section(pages()[f"handctl-{name}"], "QUANTITIES"))
     for param in map_of(name) or ():

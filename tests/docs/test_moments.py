@@ -15,8 +15,9 @@ from pathlib import Path
 import pytest
 
 from tests.support.cli import PATIENCE
+from tests.support.each_row import each_row
 from tests.support.places import PROJECT as ROOT
-from tests.support.syntax import walk
+from tests.support.syntax import tree_of, walk
 
 TESTS = ROOT / "tests"
 LEAST = 20.0
@@ -36,11 +37,6 @@ COMPARED = {"out", "rows", "raw", "values", "lines", "err", "json"}
 def texts() -> dict[Path, str]:
     files = (path for path in TESTS.rglob("*.py") if path.relative_to(TESTS).parts[0] not in ("bench", "windows"))
     return {path: path.read_text(encoding="utf-8") for path in sorted(files)}
-
-
-@cache
-def parsed(path: Path) -> ast.Module:
-    return ast.parse(texts()[path])
 
 
 def seconds(node: ast.expr | None, names: dict[str, float]) -> float | None:
@@ -192,7 +188,7 @@ def test_no_test_does(rule: Callable[[ast.Module], Iterator[ast.expr]]) -> None:
         f"{path.relative_to(ROOT)}:{node.lineno}: {ast.unparse(node)[:100]}"
         for path, text in texts().items()
         if re.search(RULES[rule], text) and path not in (MEASURED if rule is hurried else ())
-        for node in rule(parsed(path))
+        for node in rule(tree_of(path))
     ]
     assert not found, "\n".join(found)
 
@@ -228,7 +224,7 @@ SOUND = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+@each_row("rule", RULES, ids=lambda rule: rule.__name__)
 def test_each_rule_finds_its_mistakes(rule: Callable[[ast.Module], Iterator[ast.AST]]) -> None:
     for text in SEEDED[rule]:
         assert list(rule(ast.parse(textwrap.dedent(text)))), text

@@ -8,6 +8,7 @@ from importlib.metadata import version
 import pytest
 
 from tests.pictures import HERE, PICTURES, draw, words
+from tests.support.each_row import each_row
 
 
 @pytest.mark.parametrize("name", PICTURES)
@@ -23,14 +24,14 @@ def test_no_other_picture_is_there() -> None:
     assert {path.stem for path in HERE.glob("*.svg")} == set(PICTURES)
 
 
-@pytest.mark.parametrize("name", PICTURES)
+@each_row("name", PICTURES)
 def test_a_picture_stands_alone(name: str) -> None:
     svg = (HERE / f"{name}.svg").read_text(encoding="utf-8")
     assert re.findall(r"https?://[^\"' ]*", svg) == ["http://www.w3.org/2000/svg"]
     assert not re.search(r"@import|@font-face|href|<script|<image|url\((?!#)", svg)
 
 
-@pytest.mark.parametrize(("name", "parts"), [
+@each_row(("name", "parts"), [
     ("exo-status", ("simulated", "locked_rotor", "thumb550555-15-6525", "Position")),
     ("exo-watch", ("simulated", "20.0Hz", "13samples", "110..860", "█", "▁", "[°C]", "-30s")),
     ("barrett-status", ("simulated", "ready", "F101125956", "firmware4.33")),

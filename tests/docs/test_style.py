@@ -60,7 +60,7 @@ def test_texts(room: str) -> None:
     assert not found, f"{len(found)} faults\n" + "\n".join(found)
 
 
-@pytest.mark.parametrize("room", ROOMS)
+@each_row("room", ROOMS)
 def test_every_error_has_a_next_step(room: str) -> None:
     found = [f"{place}:{line}: {name} without a hint" for place, one in modules(room) for line, name in one.hintless]
     assert not found, "\n".join(found)

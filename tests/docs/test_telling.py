@@ -6,13 +6,14 @@ from random import Random
 
 import pytest
 
+from tests.support.each_row import each_row
 from tests.support.telling import LARGE
 
 DICE = Random(1)
 ONE, OTHER = ("\n".join(f"{DICE.getrandbits(320):080x}" for _ in range(2000)) for _ in range(2))
 
 
-@pytest.mark.parametrize("turned", [str, str.encode, str.splitlines, lambda text: {"rows": text.splitlines()}])
+@each_row("turned", [str, str.encode, str.splitlines, lambda text: {"rows": text.splitlines()}])
 def test_a_large_comparison_tells_the_first_difference(turned: type[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """difflib would take minutes over these: with `CI` set pytest asks it for all of them."""
     monkeypatch.setenv("CI", "1")

@@ -19,6 +19,7 @@ from handctl.devices.ekso.audit_log import TAIL, AuditLog, default_path
 from handctl.errors import OutputError
 from tests.ekso.commands import ME, unit
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 
 WRITER = """
 import sys
@@ -111,7 +112,7 @@ def test_nothing_is_held_open_between_entries(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("place", ["/dev/full", "folder", "file/log.jsonl"])
+@each_row("place", ["/dev/full", "folder", "file/log.jsonl"])
 def test_no_log(place: str, tmp_path: Path) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("")

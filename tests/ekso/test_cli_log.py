@@ -23,6 +23,7 @@ import pytest
 from handctl.link.fake import FakeLink
 from handctl.link.link_interface import Deadline
 from tests.support.cli import PATIENCE, Result, clean_environment, program, run, wait_until
+from tests.support.each_row import each_row
 
 
 def ekso(**options: object) -> str:
@@ -287,7 +288,7 @@ def test_nothing_is_overwritten_without_force(tmp_path: Path) -> None:
     assert len(table(path)) == 1
 
 
-@pytest.mark.parametrize("place", ["/dev/full", "pipe"])
+@each_row("place", ["/dev/full", "pipe"])
 def test_a_log_is_a_file_also_with_force(tmp_path: Path, place: str) -> None:
     os.mkfifo(tmp_path / "pipe")  # opening it would wait for a reader
     path = tmp_path / "a.csv"

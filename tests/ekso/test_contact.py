@@ -6,6 +6,7 @@ import pytest
 
 from tests.search.contact_worlds import EKSO, SERVICES
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 from tests.support.odd_devices import odd_ekso
 
 FORMS = ["msgID low byte first", "msgID 0", "CRC low byte first", "CRC inverted", "sum for CRC", "length 0"]
@@ -15,7 +16,7 @@ def asked(*words: str, fault: str = "") -> Result:
     return run("ekso", *words, "-p", f"fake://ekso?clock=virtual&fault={fault}", "--json")
 
 
-@pytest.mark.parametrize("name", FORMS)
+@each_row("name", FORMS)
 def test_replies_of_another_form_are_contact_and_no_value(name: str) -> None:
     with odd_ekso(every=lambda data: EKSO[name](data) if len(data) > 6 else data):
         result = asked("status")
@@ -24,7 +25,7 @@ def test_replies_of_another_form_are_contact_and_no_value(name: str) -> None:
     assert not result.rows
 
 
-@pytest.mark.parametrize("fault", ["bad-checksum", "cut-short", "noise", "wrong-id", "wrong-command", "acknowledge"])
+@each_row("fault", ["bad-checksum", "cut-short", "noise", "wrong-id", "wrong-command", "acknowledge"])
 def test_a_disturbed_line_is_no_other_form(fault: str) -> None:
     assert "other-form" not in asked("status", fault=fault).codes()
 

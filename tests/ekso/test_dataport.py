@@ -15,6 +15,7 @@ from handctl.errors import HandctlError, LinkError, NoAnswer, NotIdentified, Pro
 from handctl.link import Deadline
 from handctl.model.device import Gate
 from tests.ekso.support import DATA, SET, SETTING_WORDS, SETTINGS, TIME, Unit, codes, frame, pack, port_on
+from tests.support.each_row import each_row
 from tests.support.scripted import Babble, Reply, ScriptedLink
 
 TIME_BODY = bytes([14, 5, 37, 0])
@@ -143,7 +144,7 @@ FAULTS: dict[str, tuple[str, Faulty]] = {
 }
 
 
-@pytest.mark.parametrize(("code", "fault"), FAULTS.values(), ids=FAULTS)
+@each_row(("code", "fault"), FAULTS.values(), ids=FAULTS)
 def test_what_comes_instead_of_an_answer_has_a_name(code: str, fault: Faulty) -> None:
     unit = Unit()
     unit.on = {TIME: fault}
@@ -255,7 +256,7 @@ def test_samples_as_fast_as_the_device_answers() -> None:
 # -- length conventions -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("mode", "more"), [("body", 0), ("n-4", 2), ("n-2", 4), ("frame", 6)])
+@each_row(("mode", "more"), [("body", 0), ("n-4", 2), ("n-2", 4), ("frame", 6)])
 def test_a_convention_is_found_with_reads_only(mode: str, more: int) -> None:
     unit = Unit()
 
@@ -287,7 +288,7 @@ def test_no_convention_fits() -> None:
     assert [request[1] for request in unit.sent] == [0, 6, 4, 2]
 
 
-@pytest.mark.parametrize(("timeout", "gap"), [(0.1, 0.6), (0.5, 1.0), (3.0, 3.5)])
+@each_row(("timeout", "gap"), [(0.1, 0.6), (0.5, 1.0), (3.0, 3.5)])
 def test_the_line_rests_for_half_a_second_whatever_the_timeout(timeout: float, gap: float) -> None:
     unit = Unit()
     unit.on = {TIME: lambda _msg_id, _body: []}
@@ -307,7 +308,7 @@ def test_looking_for_a_convention_ends_at_the_deadline() -> None:
     assert (len(unit.sent), port.mode) == (1, "body")
 
 
-@pytest.mark.parametrize(("seconds", "requests"), [(0.3, 1), (5.0, 2)])
+@each_row(("seconds", "requests"), [(0.3, 1), (5.0, 2)])
 def test_an_answer_that_waited_too_long_is_no_present_value(seconds: float, requests: int) -> None:
     unit = Unit()
     port = port_on(unit)
@@ -322,7 +323,7 @@ def test_an_answer_that_waited_too_long_is_no_present_value(seconds: float, requ
     assert port.counts.late == 0, "it came in time, and nobody took it"
 
 
-@pytest.mark.parametrize(("turn", "next_at"), [(0.01, 0.03), (0.2, 0.22), (9.0, 0.5)])
+@each_row(("turn", "next_at"), [(0.01, 0.03), (0.2, 0.22), (9.0, 0.5)])
 def test_the_answer_that_ctrl_c_did_not_wait_for_passes_before_the_next_request(turn: float, next_at: float) -> None:
     """One request at a time (ekso section 6); and what then comes is no fault of the line."""
     unit = Unit()

@@ -53,7 +53,7 @@ def texts(grid: Grid) -> list[list[str]]:
 # -- messages ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("message", MESSAGES)
+@each_row("message", MESSAGES)
 def test_every_word_is_a_row(message: str) -> None:
     """A ladder: every word has another value, so none can stand in the place of another."""
     unit = Unit()
@@ -139,7 +139,7 @@ def test_the_dump_has_everything_and_what_failed() -> None:
 # -- clock ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("pad", [b"", b"\x00", b"\x07"])
+@each_row("pad", [b"", b"\x00", b"\x07"])
 def test_time_and_date_with_three_or_four_bytes(pad: bytes) -> None:
     unit = Unit()
     unit.on = {
@@ -210,7 +210,7 @@ SPOILT: dict[str, tuple[Any, str]] = {
 }
 
 
-@pytest.mark.parametrize(("spoil", "says"), SPOILT.values(), ids=SPOILT)
+@each_row(("spoil", "says"), SPOILT.values(), ids=SPOILT)
 def test_what_cannot_be_is_found(spoil: Any, says: str) -> None:
     unit = Unit()
     spoil(unit)
@@ -247,7 +247,7 @@ def test_a_restart_between_two_looks() -> None:
     assert "the device has restarted" in failure.text
 
 
-@pytest.mark.parametrize(("apart", "found"), [(-5200, True), (-4000, False), (4500, False), (5500, True)])
+@each_row(("apart", "found"), [(-5200, True), (-4000, False), (4500, False), (5500, True)])
 def test_boot_time_of_feedback_and_data_must_agree(apart: int, found: bool) -> None:
     unit = Unit()
 

@@ -172,7 +172,7 @@ def test_a_log_that_appears_meanwhile_is_not_overwritten(tmp_path: Path, monkeyp
     assert path.read_text() == "of another run"
 
 
-@pytest.mark.parametrize("name", ["a.csv", "a.csv.json"])
+@each_row("name", ["a.csv", "a.csv.json"])
 def test_a_link_that_leads_nowhere_is_a_file_that_is_there(tmp_path: Path, name: str) -> None:
     (tmp_path / name).symlink_to(tmp_path / "gone")
     with pytest.raises(UsageError, match=f"{name} exists"):

@@ -214,18 +214,14 @@ def test_rows_that_are_missing_or_too_many_are_noticed(tmp_path: Path) -> None:
     assert "its sidecar counts 3" in refusal(path).text
 
 
-@pytest.mark.parametrize(
-    "content", ["", "{", "[]", '{"schema": "handctl-snapshot/1"}', '{"schema": "handctl-ekso-log/2"}']
-)
+@each_row("content", ["", "{", "[]", '{"schema": "handctl-snapshot/1"}', '{"schema": "handctl-ekso-log/2"}'])
 def test_a_foreign_sidecar_is_refused(tmp_path: Path, content: str) -> None:
     path = make(tmp_path / "a.csv", [1021])
     Path(f"{path}.json").write_text(content)
     assert refusal(path).text.startswith(f"{path}.json line 1: ")
 
 
-@pytest.mark.parametrize(
-    "content", [b"", b"\x00" * 100_000, b"a,b\r\n1,2\r\n", b"\xef\xbb\xbfhost_utc", b"name x\nversion=1\n"]
-)
+@each_row("content", [b"", b"\x00" * 100_000, b"a,b\r\n1,2\r\n", b"\xef\xbb\xbfhost_utc", b"name x\nversion=1\n"])
 def test_a_foreign_file_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "a.csv"
     path.write_bytes(content)

@@ -47,7 +47,7 @@ def known_as(param: Word) -> set[str]:
     return {plain(name) for name in (param.name, *param.aliases)}
 
 
-@pytest.mark.parametrize("message", MESSAGES)
+@each_row("message", MESSAGES)
 def test_words_scales_and_signs_of_the_manual(message: str) -> None:
     rows = [row.rpartition(" ") for row in MANUAL[message].split("|")]
     params = MESSAGES[message]
@@ -182,7 +182,7 @@ def test_codes_that_nobody_knows_stay_numbers() -> None:
         EKSO["step_length"].check(15.505)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("state", "text"),
     [
         (0x1040, "sitting (0x1040)"), (0x2040, "standing (0x2040)"), (0x3040, "rising or sitting down (0x3040)"),
@@ -201,7 +201,7 @@ def test_boot_time() -> None:
     assert boot_text(5_000_001) == "1 h 23 m 20.001 s"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("pitch", "hip_angle", "knee", "x", "y"),
     [(-10, 78, 103, -101, 2005), (20.8, 68, 54, -78, 3144), (5.8, -1, 0, 67, 3677), (4.5, 22.1, 8.4, -49, 3600)],
 )

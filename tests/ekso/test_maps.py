@@ -54,7 +54,7 @@ def test_both_books_have_the_same_names_ids_and_places() -> None:
     assert sorted(param.id for param in WRITABLE if param.id is not None) == list(range(200, 220))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "command", "expected"),
     [(SETTINGS, 152, SETTING_WORDS), (DATA, 153, DATA_WORDS), (FEEDBACK, 154, FEEDBACK_WORDS)],
     ids=["settings", "data", "feedback"],
@@ -88,7 +88,7 @@ def _judged(param: Word, raw: int) -> int:
     return device.judge_value(param.word, raw % 65536)
 
 
-@pytest.mark.parametrize("param", named(tuple(param for param in WRITABLE if param.choices)))
+@each_row("param", named(tuple(param for param in WRITABLE if param.choices)))
 def test_both_books_list_the_same_codes(param: Word) -> None:
     """Every listed code is taken, every other refused as not allowed (status 3); the whole list by SetValue."""
     assert param.id is not None
@@ -98,7 +98,7 @@ def test_both_books_list_the_same_codes(param: Word) -> None:
     assert unit.set(param.id, 65535) == 3
 
 
-@pytest.mark.parametrize("param", named(tuple(param for param in WRITABLE if not param.choices)))
+@each_row("param", named(tuple(param for param in WRITABLE if not param.choices)))
 def test_what_the_unit_takes_fits_the_map(param: Word) -> None:
     """The unit's own (invented) limits lie within the wire type; only shifts go below 0."""
     allowed = device.SETTINGS[param.word][2]
@@ -119,7 +119,7 @@ def test_ids_that_neither_book_has() -> None:
     assert {param.name for param in SETTINGS if not param.writable} == {"swing_complete", "pilot_id"}
 
 
-@pytest.mark.parametrize("preset", ["order", "sign"])
+@each_row("preset", ["order", "sign"])
 def test_ladders_are_read_in_order_and_sign(preset: str) -> None:
     """Dossier 8.3: word i = (i + 1) * 256 + 128 + i, and F000 + 17 * i."""
     unit = Unit(preset=preset)

@@ -198,7 +198,7 @@ def test_more_than_50_ms_between_the_clocks_begins_a_segment(
     assert place.t_ms == (boot - FAR if not why else round(seconds * 1000)), "then the host's clock tells the time"
 
 
-@pytest.mark.parametrize("ppm", [50_000, -50_000])
+@each_row("ppm", [50_000, -50_000])
 def test_a_drift_parts_them_as_well(ppm: int) -> None:
     """1 ms in 20: a segment of 50 ms of it, and the whole is as long as the host says."""
     line = Timeline()
@@ -208,7 +208,7 @@ def test_a_drift_parts_them_as_well(ppm: int) -> None:
     assert abs(line.t_s - 10.0) <= WITHIN_MS / 1000
 
 
-@pytest.mark.parametrize(("before", "now"), [(1.0, 0.0), (0.0, 1.0)])
+@each_row(("before", "now"), [(1.0, 0.0), (0.0, 1.0)])
 def test_the_round_trip_of_either_row_is_no_contradiction(before: float, now: float) -> None:
     """BootTime was read at any moment of a round trip, of this row or of one before it in the segment."""
     for boot, parted in (
@@ -382,7 +382,7 @@ def test_a_whole_log_is_complete_and_no_other(name: str, tmp_path: Path) -> None
     assert about["rows"] == len(table(path))
 
 
-@pytest.mark.parametrize(("code", "missing"), [(errno.EIO, ["not-synced", "log-file"]), (errno.EINVAL, ["not-synced"])])
+@each_row(("code", "missing"), [(errno.EIO, ["not-synced", "log-file"]), (errno.EINVAL, ["not-synced"])])
 def test_what_is_not_on_the_disk_is_not_complete(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int, missing: list[str]
 ) -> None:
@@ -489,7 +489,7 @@ def test_silence_ends_a_log_but_not_at_once(tmp_path: Path) -> None:
     assert len(device.script) == 36
 
 
-@pytest.mark.parametrize("error", [LinkError("gone"), NoAnswer("over", code="deadline")])
+@each_row("error", [LinkError("gone"), NoAnswer("over", code="deadline")])
 def test_a_lost_link_and_a_deadline_end_it_at_once(tmp_path: Path, error: HandctlError) -> None:
     failure, recording, _ = recorded(tmp_path / "a.csv", [*steady(2), (0.0, error)], limits=Limits())
     assert failure is error
@@ -512,7 +512,7 @@ def gone(seconds: float, restarts: bool, device: Device) -> Callable[[], bool]:
     return reopen
 
 
-@pytest.mark.parametrize("restarts", [False, True])
+@each_row("restarts", [False, True])
 def test_a_lost_port_that_comes_back_is_a_hole_and_a_segment(tmp_path: Path, restarts: bool) -> None:
     path = tmp_path / "a.csv"
     device = Device([*steady(3), (0.0, LinkError("the port is gone", code="lost"))])
@@ -534,7 +534,7 @@ def test_a_lost_port_that_comes_back_is_a_hole_and_a_segment(tmp_path: Path, res
     assert (about["rate_hz"], recording.timeline.reboots) == (50.0, int(restarts))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("limits", "when"),
     [(Limits(silence=5), "within the 5 s of --silence"), (Limits(duration=3), "the end of --duration")],
 )
@@ -818,7 +818,7 @@ def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("taken", ["a.csv", "a.csv.json"])
+@each_row("taken", ["a.csv", "a.csv.json"])
 def test_an_existing_file_is_never_touched_without_force(tmp_path: Path, taken: str) -> None:
     (tmp_path / taken).write_text("mine")
     with pytest.raises(UsageError, match="exists"):
@@ -857,7 +857,7 @@ class Eager(Device):
             raise LinkError("the port is gone", code="lost")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("limits", "rows"),
     [
         (Limits(rows=4), [0, 1, 2]),

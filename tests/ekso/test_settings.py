@@ -144,7 +144,7 @@ LIMITS = {  # raw step that is allowed
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("name", "most"), LIMITS.items())
+@each_row(("name", "most"), LIMITS.items())
 def test_step_limits(name: str, most: int) -> None:
     for sign in (1, -1):
         check_change(change(name, 1000, 1000 + sign * most), False)
@@ -186,7 +186,7 @@ def test_the_override_is_for_steps_only(tmp_path: Path) -> None:
     assert bench.failing(UsageError, "upper_leg_length=18").code == "step-limit"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "old", "new", "twice"),
     [
         ("left_swing_assist", 10, 21, True), ("left_swing_assist", 22, 10, True), ("left_swing_assist", 10, 11, False),
@@ -220,7 +220,7 @@ def looks(state: int = STANDING, ms: int = 100, **moved: int) -> tuple[list[int]
     return first, second
 
 
-@pytest.mark.parametrize("joint", [f"{side}_{joint}_angle" for side in ("left", "right") for joint in ("hip", "knee")])
+@each_row("joint", [f"{side}_{joint}_angle" for side in ("left", "right") for joint in ("hip", "knee")])
 def test_every_joint_must_be_still(joint: str) -> None:
     assert moving(*looks(**{joint: 49}), TENTH) is None
     assert moving(*looks(**{joint: -49}), TENTH) is None
@@ -228,7 +228,7 @@ def test_every_joint_must_be_still(joint: str) -> None:
     assert moving(*looks(**{joint: -60}), TENTH) == f"{joint} moves at 6.0 deg/s"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("state", "says"),
     [
         (STANDING, None), (SITTING, None), (RISING, "rising or sitting down (0x3040)"), (DRIVING, "moving (0x3440)"),
@@ -244,9 +244,7 @@ def test_postures(state: int, says: str | None) -> None:
     assert (found is None) if says is None else says in str(found)
 
 
-@pytest.mark.parametrize(
-    ("ms", "still"), [(100, True), (150, True), (50, True), (151, False), (49, False), (0, False), (-2, False)]
-)
+@each_row(("ms", "still"), [(100, True), (150, True), (50, True), (151, False), (49, False), (0, False), (-2, False)])
 def test_boot_time_must_run_with_the_host(ms: int, still: bool) -> None:
     found = moving(*looks(ms=ms), TENTH)
     assert (found is None) is still

@@ -90,7 +90,7 @@ def test_answers_of_the_barretthand(command: str, piece: bytes) -> None:
     assert growth(lambda count: fed(codec.Decoder(command), piece, count)) < 2.5
 
 
-@pytest.mark.parametrize("piece", [b"[" * 64, b"\x01" * 4, b"\x10\x05"], ids=repr)
+@each_row("piece", [b"[" * 64, b"\x01" * 4, b"\x10\x05"], ids=repr)
 def test_frames_of_the_eksonr(piece: bytes) -> None:
     assert growth(lambda count: fed(frames.Decoder(), piece, count)) < 2.5
 

@@ -9,6 +9,7 @@ from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.register_device import Memory, plan
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.param import Element
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink, codes, fake_hand, hand_on, hexed, message, unhex
 
 READ_HEAD = "EB 90 01 04 11 E8 03 0A 0B"
@@ -131,7 +132,7 @@ def test_a_single_group_is_never_asked_as_a_block() -> None:
     assert codes(hand) == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "kind"),
     [("bad-checksum", ProtocolError), ("wrong-id", ProtocolError), ("loopback", ProtocolError), ("silent", NoAnswer)],
 )
@@ -188,7 +189,7 @@ def test_a_group_that_is_silent_while_all_are_is_not_called_missing() -> None:
     assert "not-on-this-firmware" not in codes(hand)
 
 
-@pytest.mark.parametrize("reply", [None, "90 EB 01 9A 11 C0 05 00 00", "00 55 AA", "90 EB 01 05 11 C0 05 2E 02 0D"])
+@each_row("reply", [None, "90 EB 01 9A 11 C0 05 00 00", "00 55 AA", "90 EB 01 05 11 C0 05 2E 02 0D"])
 def test_a_second_block_that_fails_leaves_the_first(reply: str | None) -> None:
     """Everything from 1472 on cannot be read; what was read before is shown, the rest is marked."""
     hand = hand_on(without(1472, 151, unhex(reply) if reply else None))
@@ -200,7 +201,7 @@ def test_a_second_block_that_fails_leaves_the_first(reply: str | None) -> None:
     assert table.failure.exit_code in (4, 5)
 
 
-@pytest.mark.parametrize("reply", ["90 EB 01 9A 11 C0 05 00 00", "00 55 AA", "90 EB 01 05 11 C0 05 2E 02 0D"])
+@each_row("reply", ["90 EB 01 9A 11 C0 05 00 00", "00 55 AA", "90 EB 01 05 11 C0 05 2E 02 0D"])
 def test_an_unreadable_second_block_never_ends_the_first(reply: str) -> None:
     """The same when only the block fails, not its groups: the groups one by one may still do."""
 

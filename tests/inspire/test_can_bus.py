@@ -11,6 +11,7 @@ from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError,
 from handctl.link import CanFrame
 from handctl.model.result import Journal
 from tests.inspire.wrist_support import Arrival, BabblingFrames, ScriptedFrames, can, frames
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed, unhex
 
 ASK, ANSWER = "10FF0001 [1] 02", "10FF0001 [2] A7 FE"
@@ -48,7 +49,7 @@ def test_read_is_one_frame_each_way() -> None:
     assert counters.foreign_frames == 0
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "asked", "answer", "value"),
     [
         (1028, "11010001 [1] 02", "11010001 [2] 01 07", "01"),
@@ -83,9 +84,7 @@ def test_spans_are_split_and_put_together(address: int, count: int) -> None:
     assert all(len(frame.data) == 1 and 2 <= frame.data[0] <= 8 for frame in link.sent)
 
 
-@pytest.mark.parametrize(
-    ("address", "count"), [(1020, 0), (1020, -1), (4096, 2), (-2, 2), (4095, 2), (4090, 16), (4000, 252)]
-)
+@each_row(("address", "count"), [(1020, 0), (1020, -1), (4096, 2), (-2, 2), (4095, 2), (4090, 16), (4000, 252)])
 def test_an_impossible_span_sends_nothing(address: int, count: int) -> None:
     """Addresses have 12 bits (wrist §2.3); also a span whose end lies beyond them is refused before the first frame."""
     link = ScriptedFrames(Memory())
@@ -94,7 +93,7 @@ def test_an_impossible_span_sends_nothing(address: int, count: int) -> None:
     assert link.sent == []
 
 
-@pytest.mark.parametrize(("retries", "sent"), [(0, 1), (1, 2), (2, 3), (5, 6)])
+@each_row(("retries", "sent"), [(0, 1), (1, 2), (2, 3), (5, 6)])
 def test_a_silent_read_is_repeated_so_often(retries: int, sent: int) -> None:
     link = ScriptedFrames()
     bus = bus_on(link, retries=retries, timeout=0.3)
@@ -148,7 +147,7 @@ def test_a_long_timeout_does_not_outlast_the_deadline_of_the_command() -> None:
     assert link.now() == pytest.approx(0.2)
 
 
-@pytest.mark.parametrize("what", ["read", "write"])
+@each_row("what", ["read", "write"])
 def test_nothing_is_sent_after_the_deadline_of_the_command(what: str) -> None:
     link = ScriptedFrames()
     bus = bus_on(link, bound=link.deadline(1.0))
@@ -159,7 +158,7 @@ def test_nothing_is_sent_after_the_deadline_of_the_command(what: str) -> None:
     assert link.sent == []
 
 
-@pytest.mark.parametrize("device_id", [-1, 16384])
+@each_row("device_id", [-1, 16384])
 def test_bus_refuses_an_id_that_does_not_exist(device_id: int) -> None:
     with pytest.raises(UsageError):
         bus_on(ScriptedFrames(), device_id)
@@ -173,7 +172,7 @@ def test_hand_space_by_flags() -> None:
 # -- writes -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ack", [ACK, COUNTED])
+@each_row("ack", [ACK, COUNTED])
 def test_write_is_one_frame_with_either_acknowledgement(ack: str) -> None:
     """wrist §2.3.2: no data; RH56: one byte, the count (dossier W11)."""
     link = ScriptedFrames(frames((SET, [ack])))
@@ -183,7 +182,7 @@ def test_write_is_one_frame_with_either_acknowledgement(ack: str) -> None:
     assert (bus.journal.counters.sent, bus.journal.counters.received) == (1, 1)
 
 
-@pytest.mark.parametrize("count", ["00", "02", "03", "05", "FF"])
+@each_row("count", ["00", "02", "03", "05", "FF"])
 def test_another_count_is_a_refusal(count: str) -> None:
     link = ScriptedFrames(frames((SET, [f"15038001 [1] {count}"])))
     with pytest.raises(DeviceRefused) as caught:
@@ -202,7 +201,7 @@ def test_a_write_is_never_repeated() -> None:
     assert bus.journal.counters.retries == 0
 
 
-@pytest.mark.parametrize("data", ["", "00 01 02 03 04 05 06 07 08"])
+@each_row("data", ["", "00 01 02 03 04 05 06 07 08"])
 def test_an_impossible_write_sends_nothing(data: str) -> None:
     link = ScriptedFrames()
     with pytest.raises(UsageError):
@@ -227,7 +226,7 @@ def test_a_step_holds_the_exact_frame() -> None:
     assert step.wire == SET
 
 
-@pytest.mark.parametrize("byte", ["02", "07", "FF"])
+@each_row("byte", ["02", "07", "FF"])
 def test_the_echo_of_one_byte_is_no_acknowledgement(byte: str) -> None:
     """An adapter that hands out what it sends: one byte written is acknowledged empty or with 01 (dossier W11, 4.12)."""
     own = f"04FC4001 [1] {byte}"
@@ -317,7 +316,7 @@ def test_drain_takes_what_waits_and_ends() -> None:
 # -- what came instead ------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("came", "code", "exit_code", "words"),
     [
         ((), "no-answer", 4, "no reply"),

@@ -26,7 +26,7 @@ def test_what_can_be_passed_over(fault: str, seed: int) -> None:
     assert hexed(wrist.bus.read(1042, 2)) == "F4 01"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "code", "exit_code"),
     [
         ("silent", "no-answer", 4),

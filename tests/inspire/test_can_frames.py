@@ -50,7 +50,7 @@ def test_the_printed_binary_numbers_are_something_else() -> None:
     assert parse_identifier(0b0000_0001_1000_0100_0000_0000_0000_0001) == (0, 1552, 1)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("flag", "writes"), [(0, False), (1, True), (2, False), (3, False), (4, False), (5, True), (6, False), (7, False)]
 )
 def test_which_flags_write(flag: int, writes: bool) -> None:
@@ -61,7 +61,7 @@ def test_which_flags_write(flag: int, writes: bool) -> None:
 # -- requests ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("hand_id", "address", "count", "flag", "identifier", "data"),
     [
         (1, 1024, 4, 4, 0x11000001, "04"),
@@ -75,7 +75,7 @@ def test_read_requests(hand_id: int, address: int, count: int, flag: int, identi
     assert read_request(hand_id, address, count, flag) == (identifier, unhex(data))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("hand_id", "address", "data", "flag", "identifier"),
     [
         (1, 1038, "E8 03 18 FC", 5, 0x15038001),
@@ -98,7 +98,7 @@ def test_the_wrist_is_the_default() -> None:
 # -- what no frame can carry ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("hand_id", [-1, 16384, 1 << 29])
+@each_row("hand_id", [-1, 16384, 1 << 29])
 def test_impossible_ids(hand_id: int) -> None:
     """wrist §2.3: 14 bits, 16383 devices."""
     for ask in (
@@ -112,13 +112,13 @@ def test_impossible_ids(hand_id: int) -> None:
         assert "wrist §2.3" in caught.value.hint
 
 
-@pytest.mark.parametrize("hand_id", [0, 1, 255, 16382, 16383])
+@each_row("hand_id", [0, 1, 255, 16382, 16383])
 def test_possible_ids(hand_id: int) -> None:
     can_frames.check_id(hand_id)
     assert read_request(hand_id, 1020, 2)[0] & 0x3FFF == hand_id
 
 
-@pytest.mark.parametrize("flag", [1, 5])
+@each_row("flag", [1, 5])
 def test_nothing_is_written_to_id_3fff(flag: int) -> None:
     """Used by client code as "any", unproven (dossier W13)."""
     with pytest.raises(UsageError) as caught:
@@ -127,7 +127,7 @@ def test_nothing_is_written_to_id_3fff(flag: int) -> None:
     assert "Nothing was sent" in caught.value.hint
 
 
-@pytest.mark.parametrize("address", [-1, 4096, 65535])
+@each_row("address", [-1, 4096, 65535])
 def test_impossible_addresses(address: int) -> None:
     """wrist §2.3: 12 bits."""
     for ask in (lambda: read_request(1, address, 2), lambda: write_request(1, address, b"\0\0")):
@@ -136,7 +136,7 @@ def test_impossible_addresses(address: int) -> None:
         assert "4095" in caught.value.hint
 
 
-@pytest.mark.parametrize("count", [-1, 0, 9, 24, 255])
+@each_row("count", [-1, 0, 9, 24, 255])
 def test_impossible_counts(count: int) -> None:
     """wrist §2.3.1: a classic CAN frame has 8 bytes."""
     with pytest.raises(UsageError) as caught:
@@ -144,7 +144,7 @@ def test_impossible_counts(count: int) -> None:
     assert "1 to 8" in caught.value.hint
 
 
-@pytest.mark.parametrize("count", [0, 9, 10])
+@each_row("count", [0, 9, 10])
 def test_impossible_writes(count: int) -> None:
     with pytest.raises(UsageError):
         write_request(1, 1020, bytes(count))

@@ -40,8 +40,8 @@ def asked(family: str, *words: str, **options: str) -> Result:
     return run(family, *words, "-p", link, "--json")
 
 
-@pytest.mark.parametrize("name", ["length with the sum", "flag with bit 7", "sum inverted", "address left out", "id 0"])
-@pytest.mark.parametrize("family", ["exo", "wrist"])
+@each_row("name", ["length with the sum", "flag with bit 7", "sum inverted", "address left out", "id 0"])
+@each_row("family", ["exo", "wrist"])
 def test_replies_of_another_form_are_contact_and_no_value(family: str, name: str) -> None:
     with odd_registers(every=reads_only(EB90[name])):
         result = asked(family, "status")
@@ -50,7 +50,7 @@ def test_replies_of_another_form_are_contact_and_no_value(family: str, name: str
     assert not result.rows
 
 
-@pytest.mark.parametrize("fault", ["bad-checksum", "cut-short", "noise", "loopback", "wrong-id"])
+@each_row("fault", ["bad-checksum", "cut-short", "noise", "loopback", "wrong-id"])
 def test_a_disturbed_line_is_no_other_form(fault: str) -> None:
     result = asked("exo", "status", fault=fault)
     assert "other-form" not in result.codes(), result

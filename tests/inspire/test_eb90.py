@@ -260,8 +260,8 @@ def test_sniffer_sees_both_directions() -> None:
     assert [frame.from_device for frame in found if isinstance(frame, Frame)] == [False, True]
 
 
-@pytest.mark.parametrize("prefixes", [[], [unhex("90 EB")], [unhex("EB 90")], [unhex("90 EB"), unhex("EB 90")]])
-@pytest.mark.parametrize("data", ["90 EB 05 00 05", "EB 90 05 00 05"])
+@each_row("prefixes", [[], [unhex("90 EB")], [unhex("EB 90")], [unhex("90 EB"), unhex("EB 90")]])
+@each_row("data", ["90 EB 05 00 05", "EB 90 05 00 05"])
 def test_length_0_is_no_frame(prefixes: list[bytes], data: str) -> None:
     """The length counts the flag, so it is 1 at least (exo §2.2): every frame must be the bytes that came."""
     found = run(Decoder(prefixes), unhex(data) + unhex(VOLTAGE))

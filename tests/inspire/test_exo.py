@@ -138,7 +138,7 @@ def test_a_write_that_did_not_take_is_a_failed_check() -> None:
     assert "position_set.thumb reads 555 after 500 was written" in caught.value.text
 
 
-@pytest.mark.parametrize("lost", [None, "90 EB 01 04 12 CE 05 01 EC", "90 EB 02 04 12 CE 05 01 EC", "90 EB 01", "55"])
+@each_row("lost", [None, "90 EB 01 04 12 CE 05 01 EC", "90 EB 02 04 12 CE 05 01 EC", "90 EB 01", "55"])
 def test_a_lost_ack_is_cleared_up_by_reading(lost: str | None) -> None:
     hand = hand_on(
         link := ScriptedLink(script((WRITE_EXAMPLE, [lost] if lost else []), (READ_POSITION_SET, [EXAMPLE_READ])))
@@ -295,7 +295,7 @@ def test_an_error_wins_over_findings() -> None:
 # -- identity ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fault", ["healthy", "faults", "fresh", "hot", "block-silent"])
+@each_row("fault", ["healthy", "faults", "fresh", "hot", "block-silent"])
 def test_a_sick_or_fresh_exo_is_still_an_exo(fault: str) -> None:
     hand, link = fake_hand(f"fault={fault}")
     hand.check_identity()

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.support.cli import fake, run, writes
 from tests.support.each_row import each_row
 
@@ -67,7 +65,7 @@ def test_the_next_step_after_a_new_speed_reaches_the_hand() -> None:
     assert "handctl exo save --id 7" in unsaved["hint"]
 
 
-@pytest.mark.parametrize("which", ["force", "position"])
+@each_row("which", ["force", "position"])
 def test_a_lost_answer_of_a_command_is_told_to_scripts(which: str) -> None:
     """Silence from the first write on: the look at who is there, one request that the hand takes, was answered."""
     answer = run("exo", which, "1", "2", "3", "4", "5", "-p", fake(fault="silent", after=1), "-y", "--json")
@@ -94,7 +92,7 @@ def test_a_line_of_fingers_has_the_address_of_its_first() -> None:
     assert lines[1].split() == ["temperature", "1622", "35", "°C"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "arguments",
     [
         "exo raw EB 90 01 04 12 F1 03 01 0C",
@@ -120,14 +118,14 @@ def test_a_port_that_cannot_be_opened_leaves_nothing_behind(arguments: str) -> N
         assert words not in answer.error["text"]
 
 
-@pytest.mark.parametrize("value", ["1_0", "1e2", "1.5", "", "nan"])
-@pytest.mark.parametrize("which", ["force", "position"])
+@each_row("value", ["1_0", "1e2", "1.5", "", "nan"])
+@each_row("which", ["force", "position"])
 def test_what_set_does_not_take_the_commands_do_not_take_either(which: str, value: str) -> None:
     assert run("exo", "set", f"{which}_set.little={value}", "-p", fake(), "-n").code == 2
     assert run("exo", which, value, "2", "3", "4", "5", "-p", fake(), "-n").code == 2
 
 
-@pytest.mark.parametrize("address", ["1472", "0x5C0", "0X5c0"])
+@each_row("address", ["1472", "0x5C0", "0X5c0"])
 def test_an_address_may_be_hexadecimal(address: str) -> None:
     """As the manuals print them (wrist §2.2), and as `set` takes values."""
     (row,) = run("exo", "read", address, "2", "-p", fake(), "--json").rows

@@ -60,7 +60,7 @@ def errors_after(byte: int) -> ScriptedLink:
     return ScriptedLink(answer)
 
 
-@pytest.mark.parametrize("byte", [0x01, 0x04, 0x08, 0x10, 0x03, 0x1F, 0x20, 0x80])
+@each_row("byte", [0x01, 0x04, 0x08, 0x10, 0x03, 0x1F, 0x20, 0x80])
 def test_errors_that_remain_are_a_failed_check(byte: int) -> None:
     table = id_baud_save_reset.clear_errors(hand_on(errors_after(byte)))
     assert values(table) == [0, 0, 0, byte, 0]
@@ -70,7 +70,7 @@ def test_errors_that_remain_are_a_failed_check(byte: int) -> None:
     assert "over_temperature" not in table.failure.text
 
 
-@pytest.mark.parametrize("byte", [0x00, 0x02])
+@each_row("byte", [0x00, 0x02])
 def test_heat_alone_is_no_failure(byte: int) -> None:
     hand = hand_on(errors_after(byte))
     assert id_baud_save_reset.clear_errors(hand).failure is None
@@ -94,7 +94,7 @@ def test_refused_clear_errors() -> None:
 # -- save -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("flag", [17, 18])
+@each_row("flag", [17, 18])
 def test_saved(flag: int) -> None:
     hand, link = fake_hand(f"result-flag={flag}")
     table = id_baud_save_reset.save(hand, Prompts())
@@ -103,7 +103,7 @@ def test_saved(flag: int) -> None:
     assert [hexed(request) for request in link.sent] == [SAVE]
 
 
-@pytest.mark.parametrize("flag", [17, 18])
+@each_row("flag", [17, 18])
 def test_save_that_failed(flag: int) -> None:
     """00 is saved and FF is failed: the sense is inverted (RH56 ch. 3 ex. 4)."""
     hand, link = fake_hand(f"result-flag={flag}&fault=save-fails")
@@ -171,7 +171,7 @@ def test_acks_without_end_do_not_hold_the_save() -> None:
     assert link.now() < 20.0
 
 
-@pytest.mark.parametrize("moment", [0.01, 0.1, 0.8])
+@each_row("moment", [0.01, 0.1, 0.8])
 def test_an_interrupted_save_says_that_it_was_sent(moment: float) -> None:
     link = ScriptedLink(lambda request: [(0.05, unhex(SAVE_ACK)), (1.0, unhex("90 EB 01 04 11 ED 03 00 06"))])
     link.interrupt_at = moment

@@ -143,7 +143,7 @@ def test_calibration_refused_or_unanswered() -> None:
     assert "calibrat" in f"{caught.value.text} {caught.value.hint}", "it may be running: the wearer must know"
 
 
-@pytest.mark.parametrize("moment", [0.01, 0.1, 3.0, 12.0])
+@each_row("moment", [0.01, 0.1, 3.0, 12.0])
 def test_interrupted_calibration_says_that_it_goes_on(moment: float) -> None:
     link = calibrating((0.05, CALIBRATE_ACK))
     link.interrupt_at = moment
@@ -452,7 +452,7 @@ def test_interrupted_position_command_is_held() -> None:
     assert set(releases) == {RELEASE} and hold[12:14] == "32"
 
 
-@pytest.mark.parametrize("text", ["position_set.index=900", "force_set.little=100"])
+@each_row("text", ["position_set.index=900", "force_set.little=100"])
 def test_interrupted_set_is_stopped(text: str) -> None:
     """`set`, `restore` and `write` move the hand as the commands do (exo §2.3.7, §2.3.8)."""
     hand, link = fake_hand("turnaround=0.2")
@@ -494,7 +494,7 @@ def test_the_deadline_does_not_keep_a_hand_from_being_stopped() -> None:
     assert hexed(link.sent[0]) == RELEASE
 
 
-@pytest.mark.parametrize("which", ["force", "position"])
+@each_row("which", ["force", "position"])
 def test_a_lost_answer_of_a_command_says_that_the_hand_may_act(which: str) -> None:
     """Never blindly repeated: after a lost reply, read first (cli contract, 7)."""
     hand, link = fake_hand("fault=silent")
@@ -516,7 +516,7 @@ def test_a_command_that_was_not_sent_is_not_said_to_act() -> None:
 # -- a link that is lost, a hand that falls silent ----------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("fault", ["disconnect", "silent", "bad-checksum"])
+@each_row("fault", ["disconnect", "silent", "bad-checksum"])
 def test_a_motion_that_cannot_be_watched_any_more_may_go_on(fault: str) -> None:
     hand, link = fake_hand(f"fault={fault}&after=3")
     with pytest.raises(HandctlError) as caught:

@@ -79,7 +79,7 @@ def test_speed_not_found_leaves_the_port_as_it_was() -> None:
     assert link.baud == 115200
 
 
-@pytest.mark.parametrize("fault", ["", "&fault=noise", "&fault=garble"])
+@each_row("fault", ["", "&fault=noise", "&fault=garble"])
 def test_silence_at_a_wrong_speed_is_explained(fault: str) -> None:
     hand, link = fake_hand(f"baud=57600{fault}")
     better = id_baud_save_reset.explain_silence(hand, NoAnswer("silent"))
@@ -98,7 +98,7 @@ def test_silence_at_every_speed_stays_silence() -> None:
 # -- id ---------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("ack", ["new", "old"])
+@each_row("ack", ["new", "old"])
 def test_id_change_follows_the_hand(ack: str) -> None:
     hand, link = fake_hand(f"ack-id={ack}")
     table = id_baud_save_reset.change_id(hand, 2)
@@ -207,9 +207,7 @@ def test_lost_id_change_is_told_and_not_repeated() -> None:
     assert hand.bus.id == 1
 
 
-@pytest.mark.parametrize(
-    ("reads", "code", "safe"), [(1, "read-back", True), (2, "id-waits", False), (None, "read-back", False)]
-)
+@each_row(("reads", "code", "safe"), [(1, "read-back", True), (2, "id-waits", False), (None, "read-back", False)])
 def test_an_id_that_may_wait_for_a_power_cycle_is_not_called_unchanged(
     reads: int | None, code: str, safe: bool
 ) -> None:
@@ -291,9 +289,7 @@ def test_same_baud_writes_nothing() -> None:
     assert changing(link.sent) == []
 
 
-@pytest.mark.parametrize(
-    ("rate", "code"), [(115200, 0), (57600, 1), (19200, 2), (9600, None), (921600, None), (0, None)]
-)
+@each_row(("rate", "code"), [(115200, 0), (57600, 1), (19200, 2), (9600, None), (921600, None), (0, None)])
 def test_codes_of_the_speeds(rate: int, code: int | None) -> None:
     """exo §2.3.2."""
     hand, _ = fake_hand()

@@ -33,14 +33,12 @@ INDEX_300 = "EB 90 01 05 12 D4 05 2C 01 1E"
 # -- hex --------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "text", ["EB 90 01", "eb9001", "EB:90:01", "EB,90,01", "0xEB 0x90 0x01", " EB  90 01 ", "eb 9001"]
-)
+@each_row("text", ["EB 90 01", "eb9001", "EB:90:01", "EB,90,01", "0xEB 0x90 0x01", " EB  90 01 ", "eb 9001"])
 def test_ways_to_write_bytes(text: str) -> None:
     assert by_number.parse_hex(text) == unhex("EB 90 01")
 
 
-@pytest.mark.parametrize("text", ["", " ", "E", "EB 9", "EB 9 00 1", "xyz", "EB 90 1", "EBx", "²²", "EB-90"])
+@each_row("text", ["", " ", "E", "EB 9", "EB 9 00 1", "xyz", "EB 90 1", "EBx", "²²", "EB-90"])
 def test_what_is_no_hex(text: str) -> None:
     with pytest.raises(UsageError) as caught:
         by_number.parse_hex(text)
@@ -76,7 +74,7 @@ def test_an_undocumented_register_stays_raw() -> None:
     assert [(row["name"], row["address"], row["raw"]) for row in rows] == [("save", 1005, "00"), (None, 1006, "00")]
 
 
-@pytest.mark.parametrize(("address", "count", "raw"), [(1487, 1, "00"), (1486, 1, "97"), (1487, 2, "00 FC")])
+@each_row(("address", "count", "raw"), [(1487, 1, "00"), (1486, 1, "97"), (1487, 2, "00 FC")])
 def test_halves_of_an_element_are_not_called_undocumented(address: int, count: int, raw: str) -> None:
     """1486..1495 is documented (exo §2.3.7), also where a read cuts an element."""
     hand, _ = fake_hand()
@@ -99,7 +97,7 @@ def test_read_is_one_request_at_its_limits() -> None:
 # -- planning a write -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "data", "frame", "meaning"),
     [
         (1492, "2C 01", INDEX_300, "position_set.index = 300"),
@@ -205,7 +203,7 @@ def test_reads_are_harmless() -> None:
     assert "2 bytes at 1472" in step.meaning
 
 
-@pytest.mark.parametrize(
+@each_row(
     "data",
     [
         pytest.param(INDEX_300, id="write"),
@@ -247,7 +245,7 @@ def test_only_a_whole_read_goes_unasked(family: str, words: tuple[str, ...], cod
     assert code == 0 or sum(line.requests for line in spy.lines) == 0, "nothing went out"
 
 
-@pytest.mark.parametrize(
+@each_row(
     "data",
     [
         pytest.param(f"EB 90 01 04 11 C0 05 02 00 {FORCE}", id="spoiled read, force command"),
@@ -296,7 +294,7 @@ def test_a_spoiled_command_between_other_bytes_asks() -> None:
     assert step.moves and step.strands
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "code"),
     [
         pytest.param("EB 90 01 0B 31 0C 04 00 00 00 00 00 00 00 00 4D", "ambiguous", id="1036 is a wrist address"),
@@ -347,9 +345,7 @@ def test_exchange_knows_its_own_bytes() -> None:
     assert table.failure is None
 
 
-@pytest.mark.parametrize(
-    ("fault", "code"), [("loopback", "echo"), ("bad-checksum", "bad-checksum"), ("silent", "no-answer")]
-)
+@each_row(("fault", "code"), [("loopback", "echo"), ("bad-checksum", "bad-checksum"), ("silent", "no-answer")])
 def test_exchange_names_what_is_wrong(fault: str, code: str) -> None:
     hand, link = fake_hand(f"fault={fault}")
     with pytest.raises(HandctlError) as caught:
@@ -379,7 +375,7 @@ def test_exchange_finds_frames_around_a_false_header() -> None:
 SAVE = "EB 90 01 04 12 ED 03 01 08"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "words"),
     [
         (SAVE, "save = 1"),
@@ -393,7 +389,7 @@ def test_a_raw_write_is_named_before_it_is_confirmed(data: str, words: str) -> N
     assert words in raw.plan_raw(unhex(data), False).meaning
 
 
-@pytest.mark.parametrize(
+@each_row(
     "data",
     [
         pytest.param("EB 90 01 05 12 CE 05 E9 03 D7", id="position_set 1001"),
@@ -413,7 +409,7 @@ def test_raw_writes_out_of_range_are_refused_unless_forced(data: str) -> None:
     assert raw.plan_raw(unhex(data), True).moves
 
 
-@pytest.mark.parametrize("flag", ["17", "18"])
+@each_row("flag", ["17", "18"])
 def test_the_result_of_a_raw_save_is_no_refusal(flag: str) -> None:
     """00 is saved, whichever flag the result has (dossier, E12 and 4.3)."""
     hand, _ = fake_hand(f"result-flag={flag}")
@@ -422,7 +418,7 @@ def test_the_result_of_a_raw_save_is_no_refusal(flag: str) -> None:
     assert table.failure is None
 
 
-@pytest.mark.parametrize("flag", ["17", "18"])
+@each_row("flag", ["17", "18"])
 def test_a_raw_save_that_failed_is_exit_6(flag: str) -> None:
     hand, _ = fake_hand(f"fault=save-fails&result-flag={flag}")
     table = by_number.exchange(hand, unhex(SAVE), 2.0)

@@ -88,7 +88,7 @@ def harmless_to_others(sent_bytes: Any) -> bool:
 # -- the strangers themselves -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("device", "request_", "answer"),
     [
         # vectors of dossier rh56 §4
@@ -225,7 +225,7 @@ def test_two_questions_once_a_command_and_one_where_it_only_reads(tmp_path: Path
     assert len(sent(trace)) == 1, "a raw read is a read"
 
 
-@pytest.mark.parametrize(("latency", "most"), [(0.0, 0.012), (0.004, 0.02), (0.06, 0.3)])
+@each_row(("latency", "most"), [(0.0, 0.012), (0.004, 0.02), (0.06, 0.3)])
 def test_a_siblings_silence_is_waited_for_by_the_latency_of_this_link(latency: float, most: float) -> None:
     """Three round trips, 10 ms at least, and never longer than a reply may take."""
     link = Line("rh56", latency=latency)

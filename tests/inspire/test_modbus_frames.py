@@ -9,13 +9,14 @@ from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RtuDecoder, answers, rtu
 from handctl.errors import HandctlError, NoAnswer, ProtocolError
 from handctl.model.result import Journal
+from tests.support.each_row import each_row
 from tests.support.scripted import ScriptedLink
 
 ONE = modbus_frames.write_request(1486, bytes.fromhex("0064"))
 MANY = modbus_frames.write_request(1486, bytes.fromhex("0064 00C8"))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "answer"),
     [
         (ONE, "06 05CF 0064"),  # the register behind
@@ -39,7 +40,7 @@ def test_its_own_acknowledgement_is_taken() -> None:
     assert answers(bytes.fromhex("10 05CE 0002"), MANY)
 
 
-@pytest.mark.parametrize("frame", [rtu(1, bytes.fromhex("06 05CF 0064")), rtu(2, ONE), rtu(1, ONE)[:-1] + b"\0"])
+@each_row("frame", [rtu(1, bytes.fromhex("06 05CF 0064")), rtu(2, ONE), rtu(1, ONE)[:-1] + b"\0"])
 def test_a_write_is_acknowledged_by_its_own_unit_and_register_only(frame: bytes) -> None:
     """On the wire: what names another register or unit, or is damaged, leaves the write unknown, and it is not sent again."""
     link = ScriptedLink(lambda _: [(0.01, frame)])

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_map import BAUD_RATES, ERROR_BITS, OVER_TEMPERATURE, register_of
+from tests.support.each_row import each_row
 from tests.support.scripted import hexed, unhex
 
 FIVE = ("little", "ring", "middle", "index", "thumb")
@@ -49,7 +48,7 @@ def test_fingers_are_in_wire_order() -> None:
         assert EXO[name].elements == ()
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "address"),
     [
         ("position_set.little", 1486), ("position_set.index", 1492), ("position_set.thumb", 1494),
@@ -82,7 +81,7 @@ def test_error_bits() -> None:
     assert EXO["error"].label(0x06) == "over_temperature, over_current"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "value", "raw"),
     [
         ("position_set", -1, "FF FF"), ("position_set", 1000, "E8 03"), ("force_set", -1000, "18 FC"),

@@ -37,8 +37,8 @@ def test_a_frame_that_is_typed_does_not_reach_one_either(
     assert unharmed(spy)
 
 
-@pytest.mark.parametrize("frame", [frames[place] for frames in DANGERS.values() for place in (0, 1)])
-@pytest.mark.parametrize("model", ["", "df", "tp"])
+@each_row("frame", [frames[place] for frames in DANGERS.values() for place in (0, 1)])
+@each_row("model", ["", "df", "tp"])
 def test_a_reset_and_a_stored_movement_need_a_word_more(frame: str, model: str, tmp_path: Path) -> None:
     """Also towards the hand whose frames they are (V24)."""
     with spying() as spy:
@@ -49,7 +49,7 @@ def test_a_reset_and_a_stored_movement_need_a_word_more(frame: str, model: str, 
     assert "--force-ambiguous" in done.err
 
 
-@pytest.mark.parametrize("address", [1003, 1007, 1008, 2320, 2322])
+@each_row("address", [1003, 1007, 1008, 2320, 2322])
 def test_what_lies_beside_the_triggers_is_never_written(address: int) -> None:
     """A stored sequence runs at 2322, a gesture at 1008 (§3.1, §3.3, §9): also with --undocumented."""
     with spying() as spy:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("model", "places", "elements"),
     [
         ("", {"id": 1000, "save": 1005, "calibrate_force": 1009, "angle_set": 1486, "temperature": 1618}, 6),
@@ -35,8 +34,8 @@ def test_a_model_that_is_none() -> None:
     assert answer.code == 2 and "rh57" in answer.error["text"]
 
 
-@pytest.mark.parametrize("words", ["network 192.168.11.211", "network 192.168.11.211 -n"])
-@pytest.mark.parametrize("model", ["df", "f1", "dg2"])
+@each_row("words", ["network 192.168.11.211", "network 192.168.11.211 -n"])
+@each_row("model", ["df", "f1", "dg2"])
 def test_a_generation_without_an_address_is_given_none(words: str, model: str) -> None:
     link = f"fake://hand?model={model}&clock=virtual"
     answer = run("hand", *words.split(), "--model", model, "-y", "-p", link, "--json")

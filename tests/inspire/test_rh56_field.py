@@ -9,6 +9,7 @@ from handctl.devices.inspire.hand.register_map import DF, DG2, F1, STATUS, TP
 from handctl.devices.inspire.hand.remedies import REMEDIES
 from handctl.link import ByteLink
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
+from tests.support.each_row import each_row
 
 Rows = dict[str, tuple[str, str, str]]
 
@@ -41,8 +42,8 @@ def test_a_healthy_hand_has_no_finding(model: str, wire: str) -> None:
 # -- the line ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, CAN])
-@pytest.mark.parametrize("answered", [True, False])
+@each_row("wire", [EB90, RTU, CAN])
+@each_row("answered", [True, False])
 def test_two_hands_with_one_id_are_named(wire: str, answered: bool) -> None:
     status, evidence, remedy = rows(DF, wire, answered=answered, fault="twin-id")["same_id"]
     assert status == "fail"
@@ -112,7 +113,7 @@ def test_an_error_bit_names_its_finger(fault: str, part: str, words: str, key: s
     assert rows(DF, EB90)["fingers"][0] == "ok"
 
 
-@pytest.mark.parametrize("code", [5, 6, 7, 8])
+@each_row("code", [5, 6, 7, 8])
 def test_status_codes_have_a_remedy_each(code: int) -> None:
     status = dict.fromkeys(("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation"), 2)
     held = {"status": {**status, "index": code}, "error": dict.fromkeys(status, 0)}

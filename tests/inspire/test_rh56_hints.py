@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 LINK = "fake://{kind}?clock=virtual"
 OWN = {"exo": "exo §", "hand": "rh56 §"}
@@ -17,7 +16,7 @@ def told(kind: str, words: str, options: str = "") -> str:
     return " ".join(f"{one['text']} {one['hint']}" for one in answer.json["messages"])
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "options", "cited"),
     [
         ("id 2", "", True),
@@ -35,7 +34,7 @@ def test_a_hand_is_told_of_its_own_manual_and_commands(words: str, options: str,
     assert not cited or "rh56 §" in text
 
 
-@pytest.mark.parametrize(("words", "options"), [("id 2", ""), ("clear-errors", "fault=over-temperature")])
+@each_row(("words", "options"), [("id 2", ""), ("clear-errors", "fault=over-temperature")])
 def test_the_exoskeleton_hand_is_told_of_its_own(words: str, options: str) -> None:
     text = told("exo", words, options)
     assert "rh56 §" not in text and "handctl hand" not in text

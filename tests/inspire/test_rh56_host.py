@@ -22,6 +22,7 @@ from handctl.model.result import Journal
 from handctl.sim.hand.register_maps import GENERATIONS
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.refused import refused
 
 SPOKEN = [
@@ -70,7 +71,7 @@ def test_every_generation_shows_the_golden_hand_on_every_wire(model: str, wire: 
     assert [values.get(("ip_address", part)) for part in "abcd"] == ([192, 168, 11, 210] if model == TP else [None] * 4)
 
 
-@pytest.mark.parametrize("model", [DF, TP, F1, DG2])
+@each_row("model", [DF, TP, F1, DG2])
 def test_the_two_books_agree(model: str) -> None:
     """Addresses, sizes, counts: the host's map against the simulator's, which was written apart."""
     elements = {row[1] + k * row[2]: row[2] for row in GENERATIONS[model].rows for k in range(row[3])}
@@ -123,7 +124,7 @@ def test_what_a_generation_has_not_is_said() -> None:
 # -- writing ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "wire"), [pair for pair in SPOKEN if pair[0] in (DF, TP)])
+@each_row(("model", "wire"), [pair for pair in SPOKEN if pair[0] in (DF, TP)])
 def test_a_write_is_read_back(model: str, wire: str) -> None:
     hand = hand_on(model, wire)
     hand.write([(element, 300 + element.index) for element in hand.map["default_speed"].each])
@@ -166,9 +167,7 @@ def test_a_model_that_the_hand_contradicts_is_refused() -> None:
         hand.found()
 
 
-@pytest.mark.parametrize(
-    ("address", "data"), [(1003, b"\1"), (1004, b"\1\1"), (1000, b"\2\0\0\0"), (1007, b"\1"), (1005, b"\1\1")]
-)
+@each_row(("address", "data"), [(1003, b"\1"), (1004, b"\1\1"), (1000, b"\2\0\0\0"), (1007, b"\1"), (1005, b"\1\1")])
 def test_what_lies_beside_a_trigger_is_never_set_off_over_modbus(address: int, data: bytes) -> None:
     with pytest.raises(UsageError):
         hand_on(TP, TCP).bus.write_step(address, data, "")
@@ -177,7 +176,7 @@ def test_what_lies_beside_a_trigger_is_never_set_off_over_modbus(address: int, d
 # -- moving -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "wire"), [(DF, EB90), (TP, RTU), (TP, TCP), (TP, CAN)])
+@each_row(("model", "wire"), [(DF, EB90), (TP, RTU), (TP, TCP), (TP, CAN)])
 def test_a_finger_moves_to_its_angle_and_only_that(model: str, wire: str) -> None:
     hand = hand_on(model, wire)
     changes = [(hand.map.find("angle_set.index")[1][0], 300)]
@@ -195,7 +194,7 @@ def test_a_hand_with_errors_is_not_moved() -> None:
         motion.fit_to_move(hand_on(DF, fault="faults"))
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, TCP, CAN])
+@each_row("wire", [EB90, RTU, TCP, CAN])
 def test_a_stop_sets_every_speed_to_zero(wire: str) -> None:
     hand = hand_on(TP, wire)
     assert hand.stop().error is None
@@ -243,7 +242,7 @@ def test_touch_over_tcp_in_few_reads_and_over_can_as_far_as_it_goes() -> None:
 # -- frames -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", [RTU, TCP])
+@each_row("wire", [RTU, TCP])
 def test_the_host_makes_every_frame_of_the_vectors_and_takes_every_answer(wire: str) -> None:
     """The third book: transcripts/hand-rtu.txt and hand-tcp.txt."""
     seen = 0
@@ -291,7 +290,7 @@ class Hurried(SerialBus):
         return super().read(address, count, retries=retries)
 
 
-@pytest.mark.parametrize("model", [DF, TP, F1, DG2])
+@each_row("model", [DF, TP, F1, DG2])
 def test_a_busy_computer_takes_no_late_answer_for_silence(model: str) -> None:
     link = open_link(f"fake://hand?model={model}&clock=virtual")
     assert isinstance(link, ByteLink)

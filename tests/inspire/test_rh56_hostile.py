@@ -92,7 +92,7 @@ def codes(hand: Hand) -> list[str]:
 # -- the scripted hand is right -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("model", "wire"), [*(("tp", wire) for wire in WIRES), ("df", EB90), ("df", RTU), ("df", CAN)])
+@each_row(("model", "wire"), [*(("tp", wire) for wire in WIRES), ("df", EB90), ("df", RTU), ("df", CAN)])
 def test_without_hostility_every_wire_shows_the_golden_hand(model: str, wire: str) -> None:
     hand = host(Odd(wire, golden(model)), typed=None)
     assert {name: values(hand, name) for name in RIGHT} == RIGHT
@@ -148,7 +148,7 @@ def test_a_hand_whose_first_answer_is_late_is_identified_or_honestly_not() -> No
 # -- transactions and units -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("number", [lambda n: n - 1, lambda n: 0, lambda n: n + 257, lambda n: 0xFFFF])
+@each_row("number", [lambda n: n - 1, lambda n: 0, lambda n: n + 257, lambda n: 0xFFFF])
 def test_a_hand_that_counts_wrongly_is_read_and_said_so(number: Callable[[int], int]) -> None:
     """One question is open: the order tells (rh56 §2.3)."""
     odd = Odd(
@@ -161,7 +161,7 @@ def test_a_hand_that_counts_wrongly_is_read_and_said_so(number: Callable[[int], 
     assert "transaction-id" in codes(hand)
 
 
-@pytest.mark.parametrize("apart", [0.0, 0.02])
+@each_row("apart", [0.0, 0.02])
 def test_the_answer_before_comes_again_before_each_answer(apart: float) -> None:
     """It names the question before, and the right one is behind it: groups of one size are not mixed up."""
     old = [b""]
@@ -174,7 +174,7 @@ def test_the_answer_before_comes_again_before_each_answer(apart: float) -> None:
     assert {name: values(hand, name) for name in RIGHT} == RIGHT
 
 
-@pytest.mark.parametrize("which", range(1, 7))
+@each_row("which", range(1, 7))
 def test_a_hand_that_counts_wrongly_and_is_late_once(which: int) -> None:
     """After a lost answer two questions are open: the number decides, or nothing is taken."""
     odd = Odd(TCP, golden("tp"))
@@ -187,13 +187,13 @@ def test_a_hand_that_counts_wrongly_and_is_late_once(which: int) -> None:
         assert found in (right, "exit 4", "exit 5", ["exit 4"] * 6, ["exit 5"] * 6), (name, found)
 
 
-@pytest.mark.parametrize("unit", [0, 1, 7, 247, 255])
+@each_row("unit", [0, 1, 7, 247, 255])
 def test_any_unit_may_answer_over_tcp(unit: int) -> None:
     odd = Odd(TCP, golden("tp"), lambda _r, a: [(DELAY, a[:6] + bytes([unit]) + a[7:])])
     assert values(host(odd), "angle_actual") == RIGHT["angle_actual"]
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
+@each_row("wire", [EB90, RTU])
 def test_the_answer_of_another_id_is_not_taken(wire: str) -> None:
     def other(request: bytes, answer: bytes) -> Pieces:
         if wire == RTU:
@@ -206,7 +206,7 @@ def test_the_answer_of_another_id_is_not_taken(wire: str) -> None:
     assert caught.value.code == "wrong-id" and "7" in caught.value.text
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, CAN])
+@each_row("wire", [EB90, RTU, CAN])
 def test_a_hand_that_answers_for_two_ids_is_read_by_each_and_refused_as_a_free_id(wire: str) -> None:
     from handctl.devices.inspire.id_baud_save_reset import change_id
     from handctl.errors import CheckFailed
@@ -219,7 +219,7 @@ def test_a_hand_that_answers_for_two_ids_is_read_by_each_and_refused_as_a_free_i
     assert odd.writes == []
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
+@each_row("wire", [EB90, RTU])
 def test_a_second_answer_from_the_second_id_behind_the_first(wire: str) -> None:
     def both(request: bytes, answer: bytes) -> Pieces:
         other = rtu(2, answer[1:-2]) if wire == RTU else eb90(2, answer[4], answer[5:-1])
@@ -300,8 +300,8 @@ def test_who_stays_at_work_is_not_named(wire: str) -> None:
     assert caught.value.code == "modbus-6"
 
 
-@pytest.mark.parametrize("wire", MODBUS)
-@pytest.mark.parametrize(("code", "exit_code"), [(1, 6), (2, 6), (4, 6), (0x0A, 3), (0x0B, 4)])
+@each_row("wire", MODBUS)
+@each_row(("code", "exit_code"), [(1, 6), (2, 6), (4, 6), (0x0A, 3), (0x0B, 4)])
 def test_a_gateway_without_a_hand_is_never_written_to(wire: str, code: int, exit_code: int) -> None:
     odd = Odd(wire, golden("tp"), exception(wire, code))
     hand = host(odd, typed=None)
@@ -311,8 +311,8 @@ def test_a_gateway_without_a_hand_is_never_written_to(wire: str, code: int, exit
     assert hand.journal.counters.writes == 0
 
 
-@pytest.mark.parametrize("wire", MODBUS)
-@pytest.mark.parametrize("code", [5, 0x0B])
+@each_row("wire", MODBUS)
+@each_row("code", [5, 0x0B])
 def test_an_exception_behind_a_write_that_leaves_it_open_makes_no_claim(wire: str, code: int) -> None:
     """0B: nobody knows whether it arrived; 05 acknowledges it. The read-back decides, and it did."""
     odd = Odd(wire, golden("tp"))
@@ -323,7 +323,7 @@ def test_an_exception_behind_a_write_that_leaves_it_open_makes_no_claim(wire: st
     assert reading.value == 300 and "ack-lost" in codes(hand)
 
 
-@pytest.mark.parametrize("wire", MODBUS)
+@each_row("wire", MODBUS)
 def test_a_hand_that_refuses_undocumented_addresses_is_read_and_known(wire: str) -> None:
     """Exception 02 for whatever touches a gap: nobody has seen it, and the standard asks for it (rh56 §2.2)."""
     documented = [
@@ -363,13 +363,13 @@ def test_half_an_answer_is_called_that(wire: str, kept: int) -> None:
         assert caught.value.code == "cut-short"
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, TCP])
+@each_row("wire", [EB90, RTU, TCP])
 def test_an_answer_in_two_halves_with_a_pause_is_taken(wire: str) -> None:
     hand = host(Odd(wire, golden("tp"), lambda _r, a: [(DELAY, a[:7]), (0.2, a[7:])]))
     assert values(hand, "angle_actual") == RIGHT["angle_actual"]
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, TCP])
+@each_row("wire", [EB90, RTU, TCP])
 def test_only_an_echo_is_no_hand(wire: str) -> None:
     hand = host(Odd(wire, golden("tp"), lambda r, _a: [(DELAY, r)]), typed=None)
     with pytest.raises(ProtocolError) as caught:
@@ -380,7 +380,7 @@ def test_only_an_echo_is_no_hand(wire: str) -> None:
     assert refused.value.exit_code == 5 and hand.journal.counters.writes == 0
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
+@each_row("wire", [EB90, RTU])
 def test_with_an_echo_before_each_answer_the_hand_is_read_and_written(wire: str) -> None:
     hand = host(Odd(wire, golden("tp"), lambda r, a: [(0.0, r), (DELAY, a)]))
     assert {name: values(hand, name) for name in RIGHT} == RIGHT
@@ -432,7 +432,7 @@ def test_one_flipped_bit_is_never_a_value(wire: str, place: int) -> None:
         assert outcome(lambda hand=hand: values(hand, "angle_actual")) == "exit 5"
 
 
-@pytest.mark.parametrize("length", [0, 1, 2, 255, 65535])
+@each_row("length", [0, 1, 2, 255, 65535])
 def test_a_header_with_an_impossible_length_ends(length: int) -> None:
     hand = host(Odd(TCP, golden("tp"), lambda _r, a: [(DELAY, a[:4] + struct.pack(">H", length) + a[6:])]))
     assert outcome(lambda: values(hand, "angle_actual")) == "exit 5"
@@ -446,7 +446,7 @@ def test_another_service_on_the_port_is_called_that() -> None:
     assert "6000" in caught.value.hint and "speed" not in caught.value.hint
 
 
-@pytest.mark.parametrize("echo", [False, True])
+@each_row("echo", [False, True])
 def test_a_hand_that_speaks_modbus_only_is_found_behind_eb90(echo: bool) -> None:
     """Also on a line with echo, where our own bytes come back to EB90 (rh56 §2.5)."""
     odd = Odd(RTU, golden("df"))
@@ -464,7 +464,7 @@ def test_a_hand_that_speaks_modbus_only_is_found_behind_eb90(echo: bool) -> None
 # -- writes whose answers lie ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", MODBUS)
+@each_row("wire", MODBUS)
 def test_an_acknowledgement_of_another_quantity_is_none(wire: str) -> None:
     """FC 16 answers with the registers that it has written."""
     odd = Odd(wire, golden("tp"))
@@ -480,10 +480,8 @@ def test_an_acknowledgement_of_another_quantity_is_none(wire: str) -> None:
         host(odd).bus.write(1032, bytes(12))
 
 
-@pytest.mark.parametrize("wire", MODBUS)
-@pytest.mark.parametrize(
-    ("value", "taken"), [(b"\x00\x01", True), (b"\x00\x00", True), (b"\x00\x02", False), (b"\x01\x00", False)]
-)
+@each_row("wire", MODBUS)
+@each_row(("value", "taken"), [(b"\x00\x01", True), (b"\x00\x00", True), (b"\x00\x02", False), (b"\x01\x00", False)])
 def test_an_acknowledgement_of_one_register_has_its_value_or_zero(wire: str, value: bytes, taken: bool) -> None:
     """The printed answer has 0000 where the standard repeats the value; another value is none (rh56 §2.2)."""
     odd = Odd(wire, golden("tp"))
@@ -499,7 +497,7 @@ def test_an_acknowledgement_of_one_register_has_its_value_or_zero(wire: str, val
     assert found == (None if taken else "exit 5")
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_a_write_that_is_acknowledged_and_not_done_is_found_by_reading(wire: str) -> None:
     odd = Odd(wire, golden("tp"))
     odd._write = lambda _address, _data, request: odd.writes.append(request)  # type: ignore[method-assign]
@@ -510,8 +508,8 @@ def test_a_write_that_is_acknowledged_and_not_done_is_found_by_reading(wire: str
 # -- another hand behind the same address ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
-@pytest.mark.parametrize("typed", [None, "df", "tp", "dg2"])
+@each_row("wire", [EB90, RTU])
+@each_row("typed", [None, "df", "tp", "dg2"])
 def test_a_hand_of_another_generation_is_not_written_to(wire: str, typed: str | None) -> None:
     odd = Odd(wire, words_only())
     hand = host(odd, typed=typed)
@@ -522,8 +520,8 @@ def test_a_hand_of_another_generation_is_not_written_to(wire: str, typed: str | 
     assert odd.writes == []
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
-@pytest.mark.parametrize("which", range(1, 7))
+@each_row("wire", [EB90, RTU])
+@each_row("which", range(1, 7))
 def test_hands_that_are_changed_while_they_are_looked_at_are_not_written_to(wire: str, which: int) -> None:
     """A DF at first, an F1 from one question on: either it is seen, or the write comes before it."""
     odd, other = Odd(wire, golden("df")), Odd(wire, words_only())
@@ -545,8 +543,8 @@ LOOKS = {EB90: 6, RTU: 6}
 """Questions of a look that names a DF: states, angles, two for the words of an F1, an IP address, voltage, limits."""
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize("memory", [bytearray(8192), bytearray(b"\xff" * 8192), bytearray(range(256)) * 32])
+@each_row("wire", WIRES)
+@each_row("memory", [bytearray(8192), bytearray(b"\xff" * 8192), bytearray(range(256)) * 32])
 def test_zeros_ones_and_counting_bytes_are_no_hand(wire: str, memory: bytearray) -> None:
     odd = Odd(wire, bytearray(memory))
     hand = host(odd, typed=None)

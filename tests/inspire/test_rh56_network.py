@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.support.cli import run, spying
+from tests.support.each_row import each_row
 from tests.support.person import person
 
 TP, DF = "fake://hand?model=tp&clock=virtual", "fake://hand?model=df&clock=virtual"
@@ -56,7 +57,7 @@ def test_without_an_answer_nothing_is_written() -> None:
     assert all(line.device.hand.acts["ip"] == 0 for line in spy.lines)
 
 
-@pytest.mark.parametrize("address", ["127.0.0.1", "0.0.0.1", "224.0.0.1", "192.168.11.255", "192.168.11.0", "hand.local", "192.168.11", "255.255.255.255"])  # fmt: skip
+@each_row("address", ["127.0.0.1", "0.0.0.1", "224.0.0.1", "192.168.11.255", "192.168.11.0", "hand.local", "192.168.11", "255.255.255.255"])  # fmt: skip
 def test_what_no_hand_can_have_is_refused(address: str) -> None:
     result = run("hand", "network", address, "-p", TP, "--yes", "--json")
     assert (result.code, result.json["counters"]["sent"]) == (2, 0)
@@ -68,8 +69,8 @@ def test_a_dry_run_shows_the_bytes_of_the_wire() -> None:
     assert run("hand", "network", "-p", TP, "-n").code == 2
 
 
-@pytest.mark.parametrize("model", ["df", "f1", "dg2"])
-@pytest.mark.parametrize("words", [(), ("192.168.11.211", "--yes")])
+@each_row("model", ["df", "f1", "dg2"])
+@each_row("words", [(), ("192.168.11.211", "--yes")])
 def test_a_hand_without_a_network_has_no_address(model: str, words: tuple[str, ...]) -> None:
     with spying() as spy:
         result = run("hand", "network", *words, "-p", f"fake://hand?model={model}&clock=virtual", "--json")

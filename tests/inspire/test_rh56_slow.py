@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 LINK = "fake://hand?baud=19200&speaks=modbus&clock=virtual"
 
 
-@pytest.mark.parametrize("words", ["status --baud 19200", "scan --ids 1-1", "scan --ids 1-1 --protocol eb90"])
+@each_row("words", ["status --baud 19200", "scan --ids 1-1", "scan --ids 1-1 --protocol eb90"])
 def test_nobody_is_asked_in_modbus_unless_that_is_typed(words: str, tmp_path: Path) -> None:
     trace = tmp_path / "trace.txt"
     answer = run("hand", *words.split(), "-p", LINK, "--trace", str(trace), "--json")
@@ -29,7 +28,7 @@ def test_nobody_is_asked_in_modbus_unless_that_is_typed(words: str, tmp_path: Pa
     assert not [one for one in slow if {"03", "0D", "FF"} & set(one.split())]
 
 
-@pytest.mark.parametrize("words", ["status --baud 19200", "scan --ids 1-1", "scan --ids 1-1 --baud 19200"])
+@each_row("words", ["status --baud 19200", "scan --ids 1-1", "scan --ids 1-1 --baud 19200"])
 def test_a_hand_that_is_said_to_speak_it_is_found(words: str) -> None:
     answer = run("hand", *words.split(), "--protocol", "modbus", "-p", LINK, "--json")
     assert answer.code == 0, answer
@@ -49,7 +48,7 @@ def test_a_typed_protocol_is_the_only_one_that_is_scanned() -> None:
         assert run("hand", "scan", "--ids", "1-1", "--protocol", speaks, "-p", link, "--json").code == 0
 
 
-@pytest.mark.parametrize("speed", [921600, 57600, 19200])
+@each_row("speed", [921600, 57600, 19200])
 def test_a_hand_at_another_speed_is_looked_at_there(speed: int) -> None:
     rows, silent = dict[int, object](), dict[int, int]()
     for baud in (115200, speed):

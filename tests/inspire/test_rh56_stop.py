@@ -5,8 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 
-import pytest
-
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer, ProtocolError
 from handctl.link import CanFrame
 from handctl.model.command_settings import Settings
@@ -50,7 +48,7 @@ def stop(odd: Odd, **own: object) -> tuple[Stopped, list[Sent]]:
     return exchange_steps(link, sequence(odd.wire, **own), sent), sent
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_every_finger_has_speed_0(wire: str) -> None:
     odd = Odd(wire, golden("tp"))
     stopped, _ = stop(odd)
@@ -68,7 +66,7 @@ def test_a_late_hand_is_stopped_and_known(wire: str, late: float) -> None:
     assert odd.memory[SPEEDS] == bytes(12)
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_silence_is_said(wire: str) -> None:
     stopped, sent = stop(Odd(wire, golden("tp"), lambda _r, _a: []))
     assert stopped.error is NoAnswer and "not acknowledged" in stopped.text and "power" in stopped.hint
@@ -86,13 +84,13 @@ def test_a_refused_speed_0_is_no_stop() -> None:
     assert stopped.error is DeviceRefused, stopped
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU, TCP])
+@each_row("wire", [EB90, RTU, TCP])
 def test_an_echo_acknowledges_nothing(wire: str) -> None:
     stopped, _ = stop(Odd(wire, golden("tp"), lambda r, _a: [(DELAY, r)]))
     assert stopped.error is ProtocolError and "not acknowledged" in stopped.text
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
+@each_row("wire", [EB90, RTU])
 def test_a_line_with_echo_is_asked_in_both_protocols(wire: str) -> None:
     """What comes back to EB90 are only our own bytes: a hand that speaks Modbus RTU is stopped all the same."""
     odd = Odd(wire, golden("tp"))
@@ -119,10 +117,8 @@ def test_a_loopback_of_the_adapter_is_no_refusal() -> None:
     assert alone.error is not None and alone.error is not DeviceRefused, alone
 
 
-@pytest.mark.parametrize("wire", [RTU, TCP])
-@pytest.mark.parametrize(
-    ("code", "error"), [(2, DeviceRefused), (6, DeviceRefused), (0x0A, LinkError), (0x0B, NoAnswer)]
-)
+@each_row("wire", [RTU, TCP])
+@each_row(("code", "error"), [(2, DeviceRefused), (6, DeviceRefused), (0x0A, LinkError), (0x0B, NoAnswer)])
 def test_an_exception_is_told_as_what_it_is(wire: str, code: int, error: type[HandctlError]) -> None:
     def refuse(request: bytes, _answer: bytes) -> Pieces:
         pdu = bytes([(request[7] if wire == TCP else request[1]) | 0x80, code])
@@ -132,9 +128,9 @@ def test_an_exception_is_told_as_what_it_is(wire: str, code: int, error: type[Ha
     assert stopped.error is error and ("gateway" in stopped.text) == (code > 6), stopped
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
-@pytest.mark.parametrize("silent", [False, True])
-@pytest.mark.parametrize("shown", [0, 1, 2])
+@each_row("wire", [EB90, RTU])
+@each_row("silent", [False, True])
+@each_row("shown", [0, 1, 2])
 def test_a_hand_that_counts_words_is_stopped_if_it_shows_itself_twice(wire: str, silent: bool, shown: int) -> None:
     """The speeds of an RH56F1 lie elsewhere. Who does not show itself is not claimed to stand, and who answers is not written to."""
 
@@ -162,7 +158,7 @@ def test_a_hand_that_counts_words_is_stopped_if_it_shows_itself_twice(wire: str,
 EXO = {1606: bytes(5), 1612: bytes(6), 1618: bytes((31, 32, 33, 34, 35, 0))}
 
 
-@pytest.mark.parametrize("wire", [EB90, RTU])
+@each_row("wire", [EB90, RTU])
 def test_an_exoskeleton_hand_is_not_written_to(wire: str) -> None:
     memory = bytearray(8192)
     for address, data in EXO.items():
@@ -173,7 +169,7 @@ def test_an_exoskeleton_hand_is_not_written_to(wire: str) -> None:
     assert "handctl exo stop" in stopped.hint
 
 
-@pytest.mark.parametrize("count", [lambda data: b"\x03", lambda data: b"\x00"])
+@each_row("count", [lambda data: b"\x03", lambda data: b"\x00"])
 def test_a_part_that_was_taken_on_can_is_said(count: Callable[[bytes], bytes]) -> None:
     odd = Odd(CAN, golden("tp"), lambda request, answer: [(DELAY, count(request) if len(request) > 1 else answer)])
     stopped, _ = stop(odd)

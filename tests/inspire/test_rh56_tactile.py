@@ -10,6 +10,7 @@ import pytest
 
 from handctl.devices.inspire.hand.tactile import ZONES
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.screen import screen
 
 TP = "fake://hand?model=tp&clock=virtual"
@@ -59,7 +60,7 @@ def test_zones_are_chosen_by_name_or_finger() -> None:
     assert "little_tip" in result.error["hint"]
 
 
-@pytest.mark.parametrize("model", ["df", "f1", "dg2"])
+@each_row("model", ["df", "f1", "dg2"])
 def test_another_generation_is_refused(model: str) -> None:
     result = run("hand", "tactile", "-p", f"fake://hand?model={model}&clock=virtual", "--json")
     assert (result.code, result.error["code"]) == (6, "not-on-model")
@@ -136,7 +137,7 @@ def test_a_log_has_zones_next_to_other_quantities(tmp_path: Path) -> None:
     assert (rows[2]["tactile.palm.r8c1"], rows[2]["tactile.palm.r8c2"], rows[2]["error"]) == ("950", "958", "")
 
 
-@pytest.mark.parametrize(("name", "code"), [("tactile.elbow", "unknown-name"), ("tactil", "unknown-name")])
+@each_row(("name", "code"), [("tactile.elbow", "unknown-name"), ("tactil", "unknown-name")])
 def test_a_log_of_a_zone_that_is_not_there_makes_no_file(tmp_path: Path, name: str, code: str) -> None:
     done = run("hand", "log", tmp_path / "a.csv", name, "--count", "1", "-p", TCP, "--json")
     assert (done.code, done.error["code"], list(tmp_path.iterdir())) == (2, code, [])

@@ -41,7 +41,7 @@ def test_read_is_one_request_and_one_reply() -> None:
     }
 
 
-@pytest.mark.parametrize(("retries", "sent"), [(0, 1), (1, 2), (2, 3), (5, 6)])
+@each_row(("retries", "sent"), [(0, 1), (1, 2), (2, 3), (5, 6)])
 def test_silent_read_is_repeated_so_often(retries: int, sent: int) -> None:
     link = ScriptedLink(baud=None)
     bus = bus_on(link, retries=retries, timeout=0.3)
@@ -86,7 +86,7 @@ def test_timeout_is_added_to_the_time_on_the_wire() -> None:
     assert link.now() == pytest.approx(0.05 + 269 * 10 / 19200)
 
 
-@pytest.mark.parametrize(("baud", "settable"), [(None, False), (115200, False), (38400, True), (9600, True)])
+@each_row(("baud", "settable"), [(None, False), (115200, False), (38400, True), (9600, True)])
 def test_a_stranger_is_not_asked_first_what_it_would_act_upon(baud: int | None, settable: bool) -> None:
     """E8 03 is the address 1000, and 03 ends a movement of a BarrettHand that hears it as it is: nobody asks that first."""
     link = ScriptedLink(baud=baud)
@@ -136,7 +136,7 @@ def test_bound_of_the_command_ends_the_retries() -> None:
     assert len(link.sent) == 3
 
 
-@pytest.mark.parametrize("device_id", [0, 255, -1, 256])
+@each_row("device_id", [0, 255, -1, 256])
 def test_bus_refuses_an_id_that_does_not_exist(device_id: int) -> None:
     with pytest.raises(UsageError):
         SerialBus(ScriptedLink(), device_id, Journal())
@@ -199,7 +199,7 @@ def test_write_is_one_request_and_one_ack() -> None:
     assert (bus.journal.counters.received, bus.journal.counters.stray_bytes) == (1, 0)
 
 
-@pytest.mark.parametrize("byte", ["00", "02", "FF"])
+@each_row("byte", ["00", "02", "FF"])
 def test_other_ack_bytes_are_a_refusal(byte: str) -> None:
     total = (0x01 + 0x04 + 0x12 + 0xD4 + 0x05 + int(byte, 16)) % 256
     link = ScriptedLink(script((WRITE_INDEX, [f"90 EB 01 04 12 D4 05 {byte} {total:02X}"])))
@@ -221,7 +221,7 @@ FAULTS: dict[str, str | None] = {
 }
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@each_row("fault", FAULTS)
 def test_a_write_goes_out_once_whatever_comes_back(fault: str) -> None:
     reply = FAULTS[fault]
     link = ScriptedLink(lambda request: [(0.001, unhex(reply))] if reply else [])
@@ -230,7 +230,7 @@ def test_a_write_goes_out_once_whatever_comes_back(fault: str) -> None:
     assert [hexed(request) for request in link.sent] == [WRITE_INDEX]
 
 
-@pytest.mark.parametrize("fault", FAULTS)
+@each_row("fault", FAULTS)
 def test_a_command_goes_out_once_whatever_comes_back(fault: str) -> None:
     reply = FAULTS[fault]
     link = ScriptedLink(lambda request: [(0.001, unhex(reply))] if reply else [])
@@ -264,7 +264,7 @@ def test_these_faults_do_not_hide_the_answer(fault: str, seed: int) -> None:
     assert len(link.sent) == 8
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "code", "exit_code"),
     [
         ("silent", "no-answer", 4),
@@ -284,7 +284,7 @@ def test_faults_of_the_simulator_are_named(fault: str, code: str, exit_code: int
     assert changing(link.sent) == []
 
 
-@pytest.mark.parametrize("what", ["write", "command"])
+@each_row("what", ["write", "command"])
 def test_nothing_is_written_after_the_deadline_of_the_command(what: str) -> None:
     """--deadline bounds the whole command (cli contract, section 2): a worn hand must not move after it."""
     link = ScriptedLink()
@@ -362,7 +362,7 @@ def one_byte_at_a_time(answer: str, pause: float) -> ScriptedLink:
     )
 
 
-@pytest.mark.parametrize("retries", [0, 2])
+@each_row("retries", [0, 2])
 def test_a_reply_that_is_still_arriving_is_no_wrong_speed(retries: int) -> None:
     """Good bytes, one each 150 ms: in a second attempt, too, where only its rest comes."""
     bus = bus_on(one_byte_at_a_time(VOLTAGE, 0.15), timeout=0.3, retries=retries)

@@ -138,7 +138,7 @@ def test_dump_is_three_can_reads_of_the_same_values() -> None:
     assert {row["name"]: row["value"] for row in rows} == POWER_ON
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_rows_have_the_keys_of_the_contract(wire: str) -> None:
     wrist, _ = fake_wrist(wire)
     rows = wrist.table(wrist.read(select(WRIST, ("yaw_actual", "current_1024", "error_1", "temperature_2")))).rows
@@ -154,7 +154,7 @@ def test_rows_have_the_keys_of_the_contract(wire: str) -> None:
     assert (rows[3]["value"], rows[3]["unit"], rows[3]["label"]) == (34, "°C", "unit assumed")
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_what_the_manual_leaves_open_stands_beside_the_address(wire: str) -> None:
     """Current #1 is 1026 by the table, 1024 by the CAN example (dossier W6)."""
     rows = {
@@ -267,7 +267,7 @@ def test_a_write_that_did_not_take_is_a_failed_check() -> None:
     assert "11.0" in caught.value.text and "10.0" in caught.value.text
 
 
-@pytest.mark.parametrize(("wire", "query"), [("serial", "fault=refuse"), ("can", "fault=refuse&ack-dlc=1")])
+@each_row(("wire", "query"), [("serial", "fault=refuse"), ("can", "fault=refuse&ack-dlc=1")])
 def test_a_refused_write_is_exit_6(wire: str, query: str) -> None:
     wrist, link = fake_wrist(wire, query)
     with pytest.raises(DeviceRefused):
@@ -275,7 +275,7 @@ def test_a_refused_write_is_exit_6(wire: str, query: str) -> None:
     assert len(writes_of(link)) == 1
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_a_lost_acknowledgement_is_read_back_not_repeated(wire: str) -> None:
     wrist, link = fake_wrist(wire, "fault=silent&every=3")
     wrist.bus.read(1020, 2)
@@ -286,7 +286,7 @@ def test_a_lost_acknowledgement_is_read_back_not_repeated(wire: str) -> None:
     assert [entry.code for entry in wrist.journal.messages] == ["ack-lost"]
 
 
-@pytest.mark.parametrize(("time", "warned"), [(99, True), (100, False), (5000, False), (5001, True), (1, True)])
+@each_row(("time", "warned"), [(99, True), (100, False), (5000, False), (5001, True), (1, True)])
 def test_an_unusual_time_is_remarked(time: int, warned: bool) -> None:
     wrist, _ = fake_wrist()
     wrist.write(changes(f"move_time={time}"))
@@ -296,8 +296,8 @@ def test_an_unusual_time_is_remarked(time: int, warned: bool) -> None:
 # -- status -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize(
+@each_row("wire", WIRES)
+@each_row(
     ("query", "findings"),
     [
         ("", []),
@@ -374,7 +374,7 @@ def test_identity_says_only_what_the_manual_has() -> None:
     assert fake_wrist("can", "id=300", 300)[0].identity() == {"kind": "wrist", "id": 300}
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_no_command_of_the_map_uses_the_hands_flags(wire: str) -> None:
     """11/12 (CAN 0/1) at these addresses are current limits and power-on speeds (dossier X2)."""
     wrist, link = fake_wrist(wire)

@@ -229,7 +229,7 @@ MISPRINTED = [
 ]
 
 
-@pytest.mark.parametrize(("wire", "text", "words"), MISPRINTED)
+@each_row(("wire", "text", "words"), MISPRINTED)
 def test_misprinted_examples_are_explained(wire: str, text: str, words: tuple[str, ...]) -> None:
     result = run("wrist", "raw", text, "-n", ON[wire], "--json")
     assert result.code == 0

@@ -140,7 +140,7 @@ def test_the_wire_from_the_environment() -> None:
     assert device_of(HANDCTL_CAN="1", HANDCTL_FAKE="1") == "fake://wrist?bus=can"
 
 
-@pytest.mark.parametrize(("port", "wire"), [
+@each_row(("port", "wire"), [
     ("can:slcan:/dev/nosuch", "serial"), ("fake://wrist?bus=can", "serial"), ("/dev/nosuch", "can"),
     ("tcp://127.0.0.1:1", "can"), ("usb:1A86:7523", "can"),
 ])  # fmt: skip
@@ -150,7 +150,7 @@ def test_a_wire_that_does_not_fit_the_link(port: str, wire: str) -> None:
     assert ON[wire] in result.error["text"] and port in result.error["text"]
 
 
-@pytest.mark.parametrize("port", ["can:nosuch:x", "can:slcan", "can:", "can:slcan:", "can:virtual:x?bitrate",
+@each_row("port", ["can:nosuch:x", "can:slcan", "can:", "can:slcan:", "can:virtual:x?bitrate",
                                   "fake://wrist?bus=foo", "fake://wrist?nosuch=1"])  # fmt: skip
 def test_links_that_cannot_be_understood(port: str) -> None:
     result = run("wrist", "get", "yaw_set", "-p", port, "--json")
@@ -171,7 +171,7 @@ def test_an_empty_bus_is_no_answer() -> None:
     assert "11038001 [1] 02" in result.error["text"]
 
 
-@pytest.mark.parametrize("port", ["can:slcan:/dev/ttyACM0", "can:socketcan:can0", "fake://exo?bus=can"])
+@each_row("port", ["can:slcan:/dev/ttyACM0", "can:socketcan:can0", "fake://exo?bus=can"])
 def test_an_exo_has_no_can(port: str) -> None:
     result = run("exo", "get", "id", "-p", port, "--json")
     assert (result.code, result.rows) == (2, [])

@@ -47,7 +47,7 @@ def test_it_arrives_and_says_so(wire: str) -> None:
     assert "arrived" in [entry.code for entry in wrist.journal.messages]
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_one_axis_leaves_the_other_alone(wire: str) -> None:
     wrist, link = fake_wrist(wire)
     table = move(wrist, None, -20.5, 300)
@@ -111,7 +111,7 @@ def test_a_held_axis_is_told_with_where_it_stands(wire: str, axis: str, other: s
     assert link.now() < 0.5 * 1.5 + 2.5
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_a_move_that_outlasts_its_wait_is_not_arrived(wire: str) -> None:
     wrist, link = fake_wrist(wire)
     table = move(wrist, 20.0, None, 5000, wait=1.0)
@@ -230,7 +230,7 @@ def test_angles_out_of_range_are_not_commanded_by_ctrl_c() -> None:
     assert caught.value.code == NOT_STOPPED and "power off" in caught.value.hint
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_the_deadline_ends_the_wait_and_the_wrist_is_stopped(wire: str) -> None:
     """Nobody watches it any more: it is held, which takes the second look of a stop."""
     link: RecordedLink | RecordedFrames
@@ -247,8 +247,8 @@ def test_the_deadline_ends_the_wait_and_the_wrist_is_stopped(wire: str) -> None:
     assert at[0].value == at[1].value, "it is held where it is"
 
 
-@pytest.mark.parametrize("wire", WIRES)
-@pytest.mark.parametrize(("fault", "exit_code"), [("disconnect", 3), ("silent", 4), ("truncate", 5)])
+@each_row("wire", WIRES)
+@each_row(("fault", "exit_code"), [("disconnect", 3), ("silent", 4), ("truncate", 5)])
 def test_a_movement_that_cannot_be_watched_any_more_may_go_on(wire: str, fault: str, exit_code: int) -> None:
     wrist, link = fake_wrist(wire, f"fault={fault}&after=4")
     with pytest.raises(HandctlError) as caught:
@@ -258,7 +258,7 @@ def test_a_movement_that_cannot_be_watched_any_more_may_go_on(wire: str, fault: 
     assert len(writes_of(link)) >= 1
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_an_interrupted_set_is_held(wire: str) -> None:
     """`set` moves as `move` does (wrist §2.1)."""
     link: RecordedLink | RecordedFrames
@@ -287,7 +287,7 @@ def test_move_without_yes_and_without_a_terminal_asks_nothing(wire: str) -> None
     assert run("wrist", "set", "yaw_set=1", "-p", fake_port(wire)).code == 0
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_dry_run_prints_the_frame(wire: str) -> None:
     result = run(
         *["wrist", "move", "--pitch", "-10", "--yaw", "10", "--time", "1000", "-n", "--fake", "--format", "plain"],

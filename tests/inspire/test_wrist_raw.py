@@ -34,7 +34,7 @@ PRINTED_CAN = "15038001 [4] FC 18 03 EB"
 # -- the manual's examples --------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("printed", "words"),
     [
         (PRINTED_READ, ("wrist §2.2", "1020", "pitch_actual", "EB 90 01 04 30 00 04 04 3D")),
@@ -51,7 +51,7 @@ def test_misprints_are_explained(printed: str, words: tuple[str, ...]) -> None:
         assert word in result.rows[0]["meaning"]
 
 
-@pytest.mark.parametrize("spelled", ["15038001#FC1803EB", "15038001 [4] FC 18 03 EB"])
+@each_row("spelled", ["15038001#FC1803EB", "15038001 [4] FC 18 03 EB"])
 def test_the_misprinted_can_data_is_explained(spelled: str) -> None:
     """wrist §2.3.2 prints the high byte first; read low byte first it is yaw +63.96, pitch -53.73."""
     result = run("wrist", "raw", spelled, "-n", "--fake", "--can", "--json")
@@ -60,7 +60,7 @@ def test_the_misprinted_can_data_is_explained(spelled: str) -> None:
         assert word in result.rows[0]["meaning"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("spelled", "words"),
     [
         # 0001 0001 0000 … 0001: 28 bits as printed, four zeros lost
@@ -77,7 +77,7 @@ def test_the_misprinted_identifiers_are_explained(spelled: str, words: tuple[str
         assert word in result.rows[0]["meaning"]
 
 
-@pytest.mark.parametrize("printed", [PRINTED_READ, PRINTED_WRITE])
+@each_row("printed", [PRINTED_READ, PRINTED_WRITE])
 def test_a_misprint_that_is_sent_is_explained_too(printed: str) -> None:
     result = run("wrist", "raw", printed, "-p", fake_port(), "--yes", "--json")
     assert (result.code, "misprint" in result.codes()) == (0, True)
@@ -89,7 +89,7 @@ def test_the_misprinted_write_sets_what_its_bytes_say() -> None:
     assert [(row["name"], row["value"]) for row in rows] == [("yaw_set", -10.0), ("pitch_set", 10.03)]
 
 
-@pytest.mark.parametrize("frame", ["EB 90 01 04 30 00 04 04 3D", "EB 90 01 07 31 0E 04 E8 03 18 FC 4A"])
+@each_row("frame", ["EB 90 01 04 30 00 04 04 3D", "EB 90 01 07 31 0E 04 E8 03 18 FC 4A"])
 def test_the_corrected_frames_are_no_misprints(frame: str) -> None:
     assert raw.MISPRINTS.get(unhex(frame)) is None
     assert not raw.explained(raw.plan_raw(unhex(frame), False))
@@ -98,7 +98,7 @@ def test_the_corrected_frames_are_no_misprints(frame: str) -> None:
 # -- what a raw frame would do ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("frame", "moves", "words"),
     [
         ("EB 90 01 04 30 00 04 04 3D", False, ("4 bytes at 1024", "current_1024")),
@@ -119,7 +119,7 @@ def test_meaning_of_raw_bytes(frame: str, moves: bool, words: tuple[str, ...]) -
 EIGHT = "EB 90 01 0B 31 0C 04 00 00 00 00 00 00 00 00 4D"
 
 
-@pytest.mark.parametrize("frame", [EIGHT, "EB 90 01 05 12 0E 04 18 FC 3E", "EB 90 01 05 12 FC 03 18 FC 2B"])
+@each_row("frame", [EIGHT, "EB 90 01 05 12 0E 04 18 FC 3E", "EB 90 01 05 12 FC 03 18 FC 2B"])
 def test_frames_that_fit_two_devices_are_refused(frame: str) -> None:
     """dossier X1: an exo force command; X2: current limits and power-on speeds of the hand."""
     with pytest.raises(UsageError) as caught:
@@ -130,7 +130,7 @@ def test_frames_that_fit_two_devices_are_refused(frame: str) -> None:
     assert "None" not in step.meaning
 
 
-@pytest.mark.parametrize("frame", ["EB 90 01 05 12 14 04 F4 01 25", "EB 90 01 05 11 0E 04 18 FC 3D"])
+@each_row("frame", ["EB 90 01 05 12 14 04 F4 01 25", "EB 90 01 05 11 0E 04 18 FC 3D"])
 def test_the_guard_ends_where_the_wrist_ends(frame: str) -> None:
     """1044 lies beside it; flag 11 writes nothing."""
     assert raw.plan_raw(unhex(frame), False).data == unhex(frame)
@@ -156,7 +156,7 @@ def test_frames_to_the_hand_are_refused_as_its_own_commands_refuse_them(frame: s
         plan(typed, True)  # type: ignore[operator]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "moves", "strands"),
     [
         ("11000001 [1] 04", False, False), ("01840001 [1] 02", False, False), ("15038001 [4] E8 03 18 FC", True, False),
@@ -168,7 +168,7 @@ def test_meaning_of_can_frames(text: str, moves: bool, strands: bool) -> None:
     assert (step.wire, step.moves, step.strands) == (text, moves, strands)
 
 
-@pytest.mark.parametrize("text", ["05038001 [2] 18 FC", "04FF0001 [1] 00", "0504C001 [1] 00"])
+@each_row("text", ["05038001 [2] 18 FC", "04FF0001 [1] 00", "0504C001 [1] 00"])
 def test_hand_writes_at_wrist_addresses_are_refused_on_can(text: str) -> None:
     with pytest.raises(UsageError) as caught:
         raw.plan_can(can(text), False)
@@ -176,7 +176,7 @@ def test_hand_writes_at_wrist_addresses_are_refused_on_can(text: str) -> None:
     assert raw.plan_can(can(text), True).wire == text
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "frame"),
     [
         ("15038001#E80318FC", "15038001 [4] E8 03 18 FC"), ("15038001 [4] E8 03 18 FC", "15038001 [4] E8 03 18 FC"),
@@ -190,7 +190,7 @@ def test_spellings_of_a_can_frame(text: str, frame: str) -> None:
     assert str(raw.parse_can(text)) == frame
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     ["", "#04", "xyz#04", "11000001#0", "11000001#zz", "20000000#04", "-1#04", "11000001#" + "00" * 9,
      "11000001 [2] 04", "1100_0001#04"],
@@ -227,14 +227,14 @@ def test_raw_can_without_an_answer_is_exit_4_and_bounded() -> None:
         assert len(link.sent) == 1
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_raw_read_at_the_command_line(wire: str) -> None:
     frame = ["EB", "90", "01", "04", "30", "00", "04", "04", "3D"] if wire == "serial" else ["11000001#04"]
     (row,) = run("wrist", "raw", *frame, "-p", fake_port(wire), "--json").rows
     assert (row["direction"], row["address"], row["data"]) == ("device", 1024, "6F 00 DE 00")
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_raw_write_asks_first(wire: str) -> None:
     frame = "EB 90 01 07 31 0E 04 E8 03 18 FC 4A" if wire == "serial" else "15038001#E80318FC"
     result = run("wrist", "raw", frame, "-p", fake_port(wire), "--json")
@@ -242,7 +242,7 @@ def test_raw_write_asks_first(wire: str) -> None:
     assert run("wrist", "raw", frame, "-p", fake_port(wire), "--yes").code == 0
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_a_recorded_raw_command_can_be_replayed(wire: str, tmp_path: Path) -> None:
     frame = "EB 90 01 04 30 00 04 04 3D" if wire == "serial" else "11000001#04"
     trace = tmp_path / "trace"
@@ -263,7 +263,7 @@ def test_a_raw_read_of_the_hand_is_not_named_after_the_wrist() -> None:
 # -- write by address -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("address", "data", "wire"),
     [
         (1038, "E8 03", "EB 90 01 05 31 0E 04 E8 03 34"), (1042, "F4 01", "EB 90 01 05 31 12 04 F4 01 42"),
@@ -298,7 +298,7 @@ def test_writes_that_are_refused(address: int, data: str, words: str) -> None:
     assert link.sent == []
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_an_eight_byte_write_is_refused_at_the_command_line(wire: str) -> None:
     result = run("wrist", "write", "1036", "00" * 8, "-p", fake_port(wire), "--yes", "--json")
     assert (result.code, result.json["counters"]["sent"]) == (2, 0)
@@ -307,7 +307,7 @@ def test_an_eight_byte_write_is_refused_at_the_command_line(wire: str) -> None:
 # -- the hand behind it -----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_hand_read_and_wrist_read_of_one_address(wire: str) -> None:
     port = fake_port(wire)
     (hand,) = run("wrist", "hand-read", "1020", "2", "-p", port, "--json").rows
@@ -316,7 +316,7 @@ def test_hand_read_and_wrist_read_of_one_address(wire: str) -> None:
     assert (wrist["raw"], wrist["name"], wrist["value"]) == ("A7 FE", "pitch_actual", -3.45)
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_hand_space_is_read_over_more_than_one_frame(wire: str) -> None:
     wrist, _ = fake_wrist(wire)
     (row,) = raw.hand_read(wrist, 1546, 12).rows
@@ -446,7 +446,7 @@ def test_a_long_write_ends_at_the_first_frame_that_does_not_read_back() -> None:
     assert table.rows[0]["raw"] == "F4 01 00 00 F4 01 E8 03"
 
 
-@pytest.mark.parametrize(("fault", "code"), [("silent", 4), ("wrong-id", 5)])
+@each_row(("fault", "code"), [("silent", 4), ("wrong-id", 5)])
 def test_the_hand_behind_a_wrist_is_no_exo(fault: str, code: int) -> None:
     answer = run("wrist", "hand-read", "1000", "1", "-p", fake_port("serial", f"fault={fault}"), "--json")
     assert answer.code == code
@@ -470,7 +470,7 @@ def test_reading_past_the_last_can_address_sends_nothing() -> None:
     assert (result.code, result.json["counters"]["sent"]) == (2, 0)
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_no_wrist_on_this_hand(wire: str) -> None:
     """Silence for the wrist's registers, answers for the hand's (dossier 4.15)."""
     wrist, _ = fake_wrist(wire, "fault=no-wrist", retries=0)
@@ -479,7 +479,7 @@ def test_no_wrist_on_this_hand(wire: str) -> None:
     assert raw.hand_read(wrist, 1472, 2).rows[0]["raw"] == "32 02"
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_a_raw_read_names_a_hand_without_a_wrist(wire: str) -> None:
     result = run("wrist", "read", "1020", "24", "-p", fake_port(wire, "fault=no-wrist"), "--json")
     assert (result.code, result.error["code"]) == (6, "other-device"), result

@@ -26,6 +26,7 @@ from tests.inspire.wrist_support import (
     writes_of,
 )
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink, hexed
 
 ALL_IDS = list(range(1, 255))
@@ -147,7 +148,7 @@ class Bus:
         return arrivals
 
 
-@pytest.mark.parametrize("ids", [(1,), (1, 2, 31, 32, 33, 64, 254), (254,)])
+@each_row("ids", [(1,), (1, 2, 31, 32, 33, 64, 254), (254,)])
 def test_wrists_on_a_bus(ids: tuple[int, ...]) -> None:
     bus = Bus(*ids)
     table = scan(wrist_on(bus.link))
@@ -240,7 +241,7 @@ def test_the_deadline_ends_a_scan() -> None:
     assert len(bus.link.sent) < 254
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "code", "exit_code"),
     [
         ("silent", "no-answer", 4), ("no-wrist", "no-answer", 4), ("no-ack", "no-ack", 4), ("bus-off", "bus-off", 3),
@@ -266,7 +267,7 @@ def test_a_disturbed_bus_still_shows_the_wrist(query: str) -> None:
 # -- ids and the command line -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "ids"),
     [
         ("1", [1]), ("1-3", [1, 2, 3]), ("0,16383", [0, 16383]), ("7,5-6,5", [7, 5, 6]), (" 1 , 2 ", [1, 2]),
@@ -287,14 +288,14 @@ def test_4096_ids_at_the_most() -> None:
         assert "4096" in caught.value.text
 
 
-@pytest.mark.parametrize("text", ["", "a", "1-", "-1", "1--2", "1-b", "5-1", "16384", "1-16384", "1;2", "1.5"])
+@each_row("text", ["", "a", "1-", "-1", "1--2", "1-b", "5-1", "16384", "1-16384", "1;2", "1.5"])
 def test_impossible_lists_of_ids(text: str) -> None:
     with pytest.raises(UsageError) as caught:
         parse_ids(text, "can")
     assert caught.value.exit_code == 2
 
 
-@pytest.mark.parametrize("wire", WIRES)
+@each_row("wire", WIRES)
 def test_scan_at_the_command_line(wire: str) -> None:
     result = run("wrist", "scan", "--ids", "1-20", "-p", fake_port(wire, "id=12"), "--json")
     assert result.code == 0
@@ -305,7 +306,7 @@ def test_scan_at_the_command_line(wire: str) -> None:
     assert row["link"] == fake_port(wire, "id=12")
 
 
-@pytest.mark.parametrize(("wire", "ids"), [("serial", "0-3"), ("serial", "255"), ("can", "16384"), ("can", "0-16383")])
+@each_row(("wire", "ids"), [("serial", "0-3"), ("serial", "255"), ("can", "16384"), ("can", "0-16383")])
 def test_impossible_ids_send_nothing(wire: str, ids: str) -> None:
     result = run("wrist", "scan", "--ids", ids, "-p", fake_port(wire), "--json")
     assert (result.code, result.json["counters"]["sent"]) == (2, 0)
@@ -320,7 +321,7 @@ def test_a_given_speed_is_the_one_that_is_asked() -> None:
     assert run("wrist", "scan", "--ids", "1-3", "--baud", "115200", "-p", port, "--json").code == 4
 
 
-@pytest.mark.parametrize("command", [("scan",), ("wrist", "scan"), ("wrist", "dump")], ids=" ".join)
+@each_row("command", [("scan",), ("wrist", "scan"), ("wrist", "dump")], ids=" ".join)
 def test_a_bus_tells_what_was_measured_of_it(command: tuple[str, ...]) -> None:
     line = run(*command, "-p", "fake://wrist?bus=can&wire=auto&turnaround=0.004&clock=virtual", "--json").json["line"]
     assert 4.0 <= line["round_trip_ms"] <= 5.0

@@ -240,7 +240,7 @@ def test_a_twin_is_not_taken_from_an_echo(case: Case) -> None:
     assert (caught.value.code, caught.value.exit_code) == ("echo", 5)
 
 
-@pytest.mark.parametrize("case", NEVER)
+@each_row("case", NEVER)
 def test_host_refuses_to_plan(case: Case) -> None:
     (exchange,) = exchanges_of(case)
     with pytest.raises(UsageError) as caught:

@@ -23,7 +23,7 @@ def link_of(result: Result) -> str:
 # -- where options may stand ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     "args",
     [
         ("--fake", "--json", "exo", "dump"),
@@ -85,7 +85,7 @@ def test_environment_stands_behind_the_command_line() -> None:
     assert run("exo", "get", "id", env={"HANDCTL_FAKE": ""}).code == 2
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "value"),
     [("JSON", "1"), ("FORMAT", "json")],
 )
@@ -128,7 +128,7 @@ def test_further_variables(tmp_path: Path) -> None:
     assert "\x1b[" in coloured.out
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "value"),
     [("ID", "two"), ("TIMEOUT", "0"), ("TIMEOUT", "-1"), ("FORMAT", "xml"), ("BAUD", "0"), ("FAKE", "perhaps"),
      ("COLOR", "pink"), ("RETRIES", "-1")],
@@ -165,7 +165,7 @@ def test_a_command_that_writes_says_so_in_its_help() -> None:
         assert any(word in text.split("options:")[0] for word in words), verb
 
 
-@pytest.mark.parametrize("args", [(), ("exo",)])
+@each_row("args", [(), ("exo",)])
 def test_without_a_command_the_help_is_shown(args: Sequence[str]) -> None:
     result = run(*args)
     text = result.out + result.err
@@ -276,7 +276,7 @@ def test_unknown_element_lists_the_elements() -> None:
         assert part in result.error["hint"]
 
 
-@pytest.mark.parametrize("args", [("watch", "nosuch", "--fake"), ("watch",), ("watch", "-p", "/dev/no-such-port"),
+@each_row("args", [("watch", "nosuch", "--fake"), ("watch",), ("watch", "-p", "/dev/no-such-port"),
                                   ("watch", "--fake", "--id", "0"), ("watch", "--fake", "--count", "0")])  # fmt: skip
 def test_a_stream_that_cannot_start_ends_as_a_stream(args: Sequence[str]) -> None:
     """`--json` of a stream is NDJSON; its last line is {"end": …} also after an error."""
@@ -333,7 +333,7 @@ def test_dry_run_for_good_does_not_keep_from_reading() -> None:
     assert refused.code == 2 and "only reads" in refused.err
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("env", "words"),
     [
         ({"HANDCTL_PORT": "fake://exo?clock=virtual", "HANDCTL_FAKE": "1"}, "HANDCTL_PORT and HANDCTL_FAKE"),
@@ -359,7 +359,7 @@ def test_a_variable_that_says_no_is_heard(tmp_path: Path) -> None:
     assert run("exo", "get", "id", "-p", fake(), env={"HANDCTL_FAKE": "0", "HANDCTL_PORT": "/dev/ttyNONE"}).code == 0
 
 
-@pytest.mark.parametrize("words", [
+@each_row("words", [
     ("ekso", "time", "--fake", "--id", "3"), ("barrett", "get", "LFT", "--fake", "--id", "1"),
     ("aidin", "status", "--fake", "--id", "1"), ("aidin", "status", "--fake", "--baud", "9600"),
     ("wrist", "get", "move_time", "--fake", "--can", "--serial"),
@@ -402,7 +402,7 @@ def test_what_no_clock_can_wait_for_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize(("words", "command"), [
+@each_row(("words", "command"), [
     (("aidin", "-p", "tcp://127.0.0.1:9", "get"), "aidin get"), (("-p", "exo", "exo", "read", "5"), "exo read"),
     (("exo", "--fake", "force", "1", "2"), "exo force"), (("exo", "--id", "3", "nothing"), "exo"),
 ])  # fmt: skip

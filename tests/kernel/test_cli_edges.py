@@ -23,8 +23,8 @@ from tests.support.each_row import each_row
 # -- output -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("place", ["folder", "missing/file"])
-@pytest.mark.parametrize("args", [("get", "id"), ("set", "position_set.index=300", "-y"), ("watch", "--count", "1")])
+@each_row("place", ["folder", "missing/file"])
+@each_row("args", [("get", "id"), ("set", "position_set.index=300", "-y"), ("watch", "--count", "1")])
 def test_an_output_that_cannot_be_written_is_told_before_the_device_is_served(
     tmp_path: Path, place: str, args: tuple[str, ...]
 ) -> None:
@@ -101,7 +101,7 @@ def test_ctrl_c_while_the_link_is_closed_closes_it_all_the_same(monkeypatch: pyt
     assert len(closed) == 2
 
 
-@pytest.mark.parametrize(("args", "ends"), [(("set", "force_set.index=300", "-y"), True), (("get", "id"), False)])
+@each_row(("args", "ends"), [(("set", "force_set.index=300", "-y"), True), (("get", "id"), False)])
 def test_ctrl_z_ends_what_may_move_something(
     monkeypatch: pytest.MonkeyPatch, args: tuple[str, ...], ends: bool
 ) -> None:
@@ -128,7 +128,7 @@ def test_ctrl_z_ends_what_may_move_something(
 # -- questions --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("text", ["id=2", "baud_code=1", "position_set.index=300", "force_set.thumb=7"])
+@each_row("text", ["id=2", "baud_code=1", "position_set.index=300", "force_set.thumb=7"])
 def test_set_asks_for_what_strands_and_for_what_moves(tmp_path: Path, text: str) -> None:
     trace = tmp_path / "trace.txt"
     result = run("exo", "set", text, "-p", fake(), "--json", "--trace", trace)

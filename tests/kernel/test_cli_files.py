@@ -369,7 +369,7 @@ def test_a_request_that_was_never_recorded_is_a_clear_error(tmp_path: Path) -> N
     assert result.error["code"] == "replay-miss"
 
 
-@pytest.mark.parametrize("text", ["", "# only a comment\n", "hello\n", "0.0 > EB 9\n", "0.0 > GG\n", "x > EB\n"])
+@each_row("text", ["", "# only a comment\n", "hello\n", "0.0 > EB 9\n", "0.0 > GG\n", "x > EB\n"])
 def test_a_damaged_transcript_is_a_usage_error(tmp_path: Path, text: str) -> None:
     path = tmp_path / "t.txt"
     path.write_text(text)

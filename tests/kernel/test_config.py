@@ -158,7 +158,7 @@ def test_strings_hide_what_looks_like_toml() -> None:
     assert lines_of('devices.a.port = 1\n\ndevices.b = {"c d" = {e = 1}}')[("devices", "b", "c d", "e")] == 3
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "good"),
     [("left", True), ("L-1_b", True), ("7", True), ("", False), ("a b", False), ("a.b", False), ("é", False),
      ("-d", False), ("a/b", False), ("a\n", False), (7, False)],
@@ -216,7 +216,7 @@ def test_a_table_is_taken_out_and_nothing_else() -> None:
         assert drop(read(put(read(text), "new", EXO)), "new") == text
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     ["devices.a = {kind = 'exo', port = 'x'}\n", "devices.a.kind = 'exo'\ndevices.a.port = 'x'\n",
      "[devices]\na.kind = 'exo'\na.port = 'x'\n", "[devices]\na = {kind = 'exo', port = 'x'}\n"],

@@ -32,7 +32,7 @@ def prompts(monkeypatch: pytest.MonkeyPatch, typed: str, *, stdin: bool = True, 
     return TerminalPrompts(quiet=False)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("typed", "yes"),
     [
         ("y\n", True), ("Y\n", True), ("yes\n", True), (" YES \n", True),
@@ -43,7 +43,7 @@ def test_only_y_and_yes_are_a_yes(monkeypatch: pytest.MonkeyPatch, typed: str, y
     assert prompts(monkeypatch, typed).ask("Move the hand", "") is yes
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("typed", "yes"),
     [("reset\n", True), ("reset", True), ("\n", False), ("", False), ("y\n", False), ("yes\n", False), ("res\n", False),
      ("RESET\n", False), ("reset it\n", False)],
@@ -52,7 +52,7 @@ def test_a_word_must_be_typed_as_it_stands(monkeypatch: pytest.MonkeyPatch, type
     assert prompts(monkeypatch, typed).ask("Erase everything", "reset") is yes
 
 
-@pytest.mark.parametrize(("stdin", "stderr"), [(True, True), (True, False), (False, True), (False, False)])
+@each_row(("stdin", "stderr"), [(True, True), (True, False), (False, True), (False, False)])
 def test_a_person_is_there_when_both_ends_are_a_terminal(
     monkeypatch: pytest.MonkeyPatch, stdin: bool, stderr: bool
 ) -> None:
@@ -65,7 +65,7 @@ def test_the_end_of_input_is_no_enter(monkeypatch: pytest.MonkeyPatch) -> None:
     assert prompts(monkeypatch, "").wait_for_enter("Switch the hand off") is False
 
 
-@pytest.mark.parametrize("name", ["SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGTSTP"])
+@each_row("name", ["SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGTSTP"])
 def test_while_presses_are_counted_no_signal_ends_or_stops_the_program(name: str) -> None:
     """Asleep by Ctrl-Z in the middle of a stop, it would not finish stopping the device."""
     number = getattr(signal, name)

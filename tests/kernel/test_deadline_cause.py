@@ -5,8 +5,6 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-import pytest
-
 from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
 
@@ -70,7 +68,7 @@ SILENT = [
 ]
 
 
-@pytest.mark.parametrize(("command", "link", "deadline", "waited"), SILENT)
+@each_row(("command", "link", "deadline", "waited"), SILENT)
 def test_silence_tells_the_time_that_was_really_waited(command: str, link: str, deadline: str, waited: str) -> None:
     """--deadline cuts the last wait short: neither --timeout nor its default is how long anybody listened."""
     result = run(*command.split(), "-p", f"{link}clock=virtual&fault=silent", "--deadline", deadline, "--json", "--yes")
@@ -78,7 +76,7 @@ def test_silence_tells_the_time_that_was_really_waited(command: str, link: str, 
     assert f" {waited} s" in result.error["text"], result.error
 
 
-@pytest.mark.parametrize(("command", "link"), sorted({(command, link) for command, link, _, _ in SILENT}))
+@each_row(("command", "link"), sorted({(command, link) for command, link, _, _ in SILENT}))
 def test_silence_until_the_timeout_tells_the_timeout(command: str, link: str) -> None:
     wait = ("--wait", "0.7") if "raw" in command else ("--timeout", "0.7")
     result = run(

@@ -9,6 +9,7 @@ from handctl.model.prompts import Prompts
 from handctl.model.result import Counters
 from handctl.model.stop_on_interrupt import NOT_STOPPED, on_early_end, stopped_by_ctrl_c
 from handctl.model.stop_sequence import Stopped
+from tests.support.each_row import each_row
 
 LEFT = Aftermath("the hand goes on", "let it finish")
 
@@ -47,7 +48,7 @@ def test_what_is_told_anew_is_all_that_is_told() -> None:
     assert (error.text, error.hint, error.left.moving) == ("off. It moves!", "none", True)
 
 
-@pytest.mark.parametrize("sent", [0, 1])
+@each_row("sent", [0, 1])
 def test_only_what_was_sent_is_left(sent: int) -> None:
     counters = Counters(writes=3)
     with pytest.raises(LinkError) as lost, on_early_end(LEFT, since=counters):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from handctl.files import atomic_write, state_path
+from tests.support.each_row import each_row
 
 
 def test_a_new_file_appears_at_the_end(tmp_path: Path) -> None:
@@ -61,9 +62,7 @@ def test_no_folder_is_an_error_of_the_system(tmp_path: Path) -> None:
         pass
 
 
-@pytest.mark.parametrize(
-    ("base", "place"), [("/state", "/state"), ("", "/me/.local/state"), ("here", "/me/.local/state")]
-)
+@each_row(("base", "place"), [("/state", "/state"), ("", "/me/.local/state"), ("here", "/me/.local/state")])
 def test_the_state_folder(base: str, place: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """A relative path counts for nothing there, says the XDG specification."""
     monkeypatch.setenv("HOME", "/me")

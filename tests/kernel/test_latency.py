@@ -9,6 +9,7 @@ from random import Random
 import pytest
 
 from handctl.model.result import RoundTrips
+from tests.support.each_row import each_row
 
 
 def trips(*milliseconds: float) -> RoundTrips:
@@ -39,7 +40,7 @@ def test_late_is_more_than_twice_the_median() -> None:
     assert trips(1.0, 1.0, 1.0, 2.001).late == 1
 
 
-@pytest.mark.parametrize("seed", range(3))
+@each_row("seed", range(3))
 def test_quantiles_are_those_of_the_sorted_list(seed: int) -> None:
     source = Random(seed)
     values = [source.randrange(1, 60_000) / 1000 for _ in range(source.randrange(1, 400))]

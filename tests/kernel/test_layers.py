@@ -435,7 +435,7 @@ def test_a_simulator_has_the_name_of_its_family() -> None:
 ROLES = {"cli": "cli", "probe": "probe", "stopper": "stop_steps", "explain_bytes": "explainer", "write_rules": "words"}
 
 
-@pytest.mark.parametrize("name", FAMILIES)
+@each_row("name", FAMILIES)
 def test_the_row_of_a_family_is_enough_to_find_its_roles(name: str) -> None:
     row = FAMILIES[name]
     for role, found in ROLES.items():
@@ -560,7 +560,7 @@ def test_only_one_room_knows_which_system_it_is() -> None:
     assert {"system.clock", "system.file_locks", "system.serial_ports", "system.signals"} <= asking
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         "import sys\nif sys.platform == 'win32': pass", "import os\nos.name", "import fcntl", "from termios import tcgetattr",

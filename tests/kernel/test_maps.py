@@ -63,7 +63,7 @@ def named(registers: list[Register]) -> list[object]:
 # -- sanity -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("book", MAPS, ids=lambda book: book.kind)
+@each_row("book", MAPS, ids=lambda book: book.kind)
 def test_names_and_texts(book: ParamMap[Register]) -> None:
     for param in book:
         assert re.fullmatch(r"[a-z][a-z0-9_]*", param.name), param.name
@@ -78,7 +78,7 @@ def test_names_and_texts(book: ParamMap[Register]) -> None:
         assert param.trigger or not param.moves or param.writable, param.name
 
 
-@pytest.mark.parametrize("book", MAPS, ids=lambda book: book.kind)
+@each_row("book", MAPS, ids=lambda book: book.kind)
 def test_no_two_registers_share_a_byte(book: ParamMap[Register]) -> None:
     taken: dict[int, str] = {}
     for register in book:
@@ -91,7 +91,7 @@ def test_no_two_registers_share_a_byte(book: ParamMap[Register]) -> None:
         assert [register.address_of(index) for index in range(register.count)] == list(register.span)[:: register.size]
 
 
-@pytest.mark.parametrize("book", MAPS, ids=lambda book: book.kind)
+@each_row("book", MAPS, ids=lambda book: book.kind)
 def test_ranges_fit_the_bytes(book: ParamMap[Register]) -> None:
     for register in book:
         bits = 8 * register.size
@@ -151,7 +151,7 @@ def test_power_on_values_are_all_different() -> None:
     assert len(seen) == 1 + 5 + 5 + 6 + 5 + 5
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "values"),
     [
         ("id", [1]), ("baud_code", [0]), ("system_voltage", [558]), ("position_set", [151, 252, 353, 454, 555]),
@@ -205,7 +205,7 @@ def test_gaps_cannot_be_written() -> None:
     assert memory.read(1474, 1) == b"\x00"
 
 
-@pytest.mark.parametrize("register", named([register for register in EXO if register.access == "r"]))
+@each_row("register", named([register for register in EXO if register.access == "r"]))
 def test_read_only_registers_stay_as_they_are(register: Register) -> None:
     memory = Memory()
     before = memory.read(register.address, len(register.span))

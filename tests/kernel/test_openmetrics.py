@@ -11,8 +11,6 @@ from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
-import pytest
-
 from handctl import files
 from handctl.docgen.read_command_tree import map_of
 from handctl.errors import HandctlError, Interrupted, NoAnswer, NotConfirmed, UsageError
@@ -101,7 +99,7 @@ def test_every_number_is_there_in_its_base_unit(family: str, verb: str) -> None:
     assert list(got[f"handctl_{family}_unread"].values()) == [0.0]
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("family", FAMILIES)
 def test_the_table_of_units_is_complete(family: str) -> None:
     """Whatever a map has, and status works out: a base unit that is a name."""
     params = map_of(family)
@@ -188,7 +186,7 @@ def test_odd_values_are_valid(value: Any) -> None:
     assert dict(labels) == {"device": 'my "left"\\'}
 
 
-@pytest.mark.parametrize("name", ["a-b c", "1st", "µ", "x_total", "x_count", "x_info", "x_celsius", "ms"])
+@each_row("name", ["a-b c", "1st", "µ", "x_total", "x_count", "x_info", "x_celsius", "ms"])
 def test_odd_names_are_valid(name: str) -> None:
     rows = [{"name": name, "unit": unit, "value": 1.5, "finger": "ring"} for unit in ("°C", "ms", None, "no/such unit")]
     assert len(both(exposition([*rows, *rows, {"name": name, "error": "no", "unit": None}], context_of()))) >= 3

@@ -12,6 +12,7 @@ from handctl.families import FAMILIES
 from handctl.model.device_picture import Bar, Measure, Outline, bars_with_values, outline_grid, outline_of
 from handctl.model.result import Cell, Row
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 DRAWN = [kind for kind in FAMILIES if outline_of(kind) is not None]
 ONE = Outline((Bar("a", 0, 4), Bar("b", -2, -2)), {"heat": Measure("t.{}", 50)}, errors="e.{}", bend=("p.{}", 0, 100))
@@ -24,7 +25,7 @@ def rows(heat: Any, *, position: int = 100, error: bool = False, **more: Any) ->
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("given", "text", "tone"),
     [
         (rows(44), "44", "good"),
@@ -46,7 +47,7 @@ def test_the_colour_of_a_bar(given: list[Row], text: str, tone: str) -> None:
     assert (other.text, other.tone, other.row) == ("-", "dim", {})
 
 
-@pytest.mark.parametrize(("position", "full"), [(0, 1), (50, 2), (100, 4), (140, 4), (-5, 1)])
+@each_row(("position", "full"), [(0, 1), (50, 2), (100, 4), (140, 4), (-5, 1)])
 def test_a_bar_is_as_long_as_the_finger_is_straight(position: int, full: int) -> None:
     grid = outline_grid(ONE, "heat", rows(20, position=position))
     column = [line[0] for line in grid.lines[1:5]]
@@ -75,7 +76,7 @@ def test_a_picture_fits_a_window(kind: str) -> None:
     assert max(map(len, done.lines)) <= 100
 
 
-@pytest.mark.parametrize("words", [("--picture", "beauty"), ("--picture=",)])
+@each_row("words", [("--picture", "beauty"), ("--picture=",)])
 def test_what_cannot_be_drawn(words: tuple[str, ...]) -> None:
     done = run("exo", "status", *words, "-p", "fake://exo?clock=virtual", "--json")
     assert done.code == (2 if len(words) > 1 else 0)
@@ -84,7 +85,7 @@ def test_what_cannot_be_drawn(words: tuple[str, ...]) -> None:
     )
 
 
-@pytest.mark.parametrize("kind", ["exo", "hand", "wrist"])
+@each_row("kind", ["exo", "hand", "wrist"])
 def test_error_bits_are_named_below_the_picture(kind: str) -> None:
     done = run(kind, "status", "--picture", "error", "-p", f"fake://{kind}?clock=virtual&fault=faults")
     assert max(map(len, done.lines)) <= 80

@@ -50,7 +50,7 @@ def test_ends_of_a_range_belong_to_it(param: Param, value: float, allowed: bool)
     assert param.source in caught.value.hint
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("param", "text"),
     [
         (POSITION, "-1, 0..1000"), (SPEED, "0 = 115200 baud, 1 = 57600 baud"), (ANGLE, "-22.66..22.12"),
@@ -70,7 +70,7 @@ def test_a_special_value_inside_the_range_is_not_listed_twice() -> None:
 # -- what users type --------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("param", "text", "value"),
     [
         (POSITION, "300", 300), (POSITION, " 300 ", 300), (POSITION, "0x12C", 300), (POSITION, "-1", -1),
@@ -98,7 +98,7 @@ def test_values_that_are_refused(param: Param, text: str) -> None:
     assert "here" in caught.value.text
 
 
-@pytest.mark.parametrize("text", ["1.005", "nan", "inf", "abc", "", "1e999", "1e-999"])
+@each_row("text", ["1.005", "nan", "inf", "abc", "", "1e999", "1e-999"])
 def test_decimals_are_exact_or_an_error(text: str) -> None:
     with pytest.raises(ValueError):
         typed_number(text, 2)
@@ -118,7 +118,7 @@ def test_decimals_survive_the_way_to_raw_and_back() -> None:
 # -- labels -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("value", "text"),
     [(0, "ok"), (1, "locked"), (2, "hot"), (6, "hot, current"), (7, "locked, hot, current"),
      (8, "unknown_bit_3"), (0x81, "locked, unknown_bit_7"), (0x100, "unknown_bit_8")],
@@ -166,7 +166,7 @@ def test_names_are_found() -> None:
     assert MAP["speed"] is SPEED
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "hint"),
     [
         ("positon", "did you mean position"), ("Position", "did you mean position"), ("xyz", "describe"),

@@ -27,6 +27,7 @@ from handctl.model.proofs import (
 )
 from handctl.model.result import Journal
 from handctl.model.stop_sequence import Stopped
+from tests.support.each_row import each_row
 
 FAILS = {
     "silent": NoAnswer("n", hint="h"),
@@ -80,7 +81,7 @@ def test_a_spoiled_attempt_is_made_again_a_few_times_only() -> None:
     assert outcome(4, healthy=unhealthy).verdict == NOT_SHOWN
 
 
-@pytest.mark.parametrize(("level", "attempts"), [(MOVE, 1), (PERMANENT, 1), (WRITE_BACK, 3)])
+@each_row(("level", "attempts"), [(MOVE, 1), (PERMANENT, 1), (WRITE_BACK, 3)])
 def test_what_moves_or_stays_is_not_done_again_on_a_disturbed_line(level: str, attempts: int) -> None:
     journal, asked = Journal(), []
 
@@ -94,7 +95,7 @@ def test_what_moves_or_stays_is_not_done_again_on_a_disturbed_line(level: str, a
     assert (found.verdict, found.why, len(asked)) == (NOT_SHOWN, "disturbed", attempts)
 
 
-@pytest.mark.parametrize("level", [READ, WRITE_BACK, MOVE])
+@each_row("level", [READ, WRITE_BACK, MOVE])
 def test_a_sign_of_harm_ends_it_whatever_the_level(level: str) -> None:
     with pytest.raises(SignOfHarm):
         outcome("harm", level=level)

@@ -8,6 +8,7 @@ from handctl.families import FAMILIES
 from handctl.model.device_picture import UNKNOWN, Remedy, hint_for, hint_of, remedies_of, worst_of
 from handctl.model.result import Finding
 from tests.support.cli import run
+from tests.support.each_row import each_row
 
 TABLES = [kind for kind in FAMILIES if remedies_of(kind)]
 FINDS = {
@@ -21,7 +22,7 @@ FINDS = {
 }
 
 
-@pytest.mark.parametrize("kind", TABLES)
+@each_row("kind", TABLES)
 def test_every_error_bit_has_a_remedy(kind: str) -> None:
     """The bits of a map and the rows of its table are the same: what is reported can be looked up."""
     table = remedies_of(kind)
@@ -50,7 +51,7 @@ def test_plain_status_names_what_to_do(kind: str) -> None:
     assert checked.error["hint"] in {message["hint"] for message in found}
 
 
-@pytest.mark.parametrize("kind", ["exo", "wrist", "hand"])
+@each_row("kind", ["exo", "wrist", "hand"])
 def test_what_passes_by_itself_leaves_the_others_their_step(kind: str) -> None:
     """0x03: no command clears over_temperature, but one clears the locked rotor (exo §2.3.3, rh56 §3.1)."""
     both = hint_for(kind, Finding("", ("locked_rotor", "over_temperature")))
@@ -89,7 +90,7 @@ def test_what_several_fingers_need_is_said_once() -> None:
     assert len({message["hint"] for message in seen}) == 1 and len(seen) == 5
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("at", "head"),
     [
         ("fake://hand?clock=virtual", "id 1, RH56DFTP or RH56E2 (TP), serial, 115200 bit/s"),

@@ -200,7 +200,7 @@ def test_whatever_may_change_the_speed_or_wear_the_eeprom_asks(tmp_path: Path, a
     assert any(row["strands"] for row in planned.rows), planned
 
 
-@pytest.mark.parametrize(
+@each_row(
     "args", [("defaults", "--motors", "3"), ("load", "--motors", "S"), ("gcl", "FDEF"), ("gcl", "FLOAD")], ids=" ".join
 )
 def test_what_leaves_speed_and_eeprom_alone_asks_nothing(tmp_path: Path, args: tuple[str, ...]) -> None:
@@ -252,7 +252,7 @@ def test_a_worn_device_never_moves_without_a_word(tmp_path: Path, args: tuple[st
     assert (typed.code, UNASKED in typed.err) == (0, False)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "args",
     [("exo", "save"), ("exo", "id", "3"), ("barrett", "save", "--force"), ("wrist", "restore", "{}", "--setpoints")],
     ids=" ".join,

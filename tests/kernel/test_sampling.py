@@ -10,6 +10,7 @@ import pytest
 from handctl.errors import HandctlError, NoAnswer
 from handctl.model.result import Row
 from handctl.model.sampling import Sampler
+from tests.support.each_row import each_row
 
 
 class Clock:
@@ -50,7 +51,7 @@ def sampler(
     return Sampler(device.clock, device.take, rate=rate, count=count, duration=duration, **more)  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize(("count", "duration", "times"), [
+@each_row(("count", "duration", "times"), [
     (3, None, [0.0, 0.5, 1.0]),
     (None, 1.2, [0.0, 0.5, 1.0]),
     (None, 1.0, [0.0, 0.5]),  # the end is not a sample's

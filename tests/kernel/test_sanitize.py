@@ -123,7 +123,7 @@ def test_csv_without_formulas(monkeypatch: pytest.MonkeyPatch) -> None:
 # -- messages, and what a user can type ---------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("text", [text for text in HOSTILE.values() if "\0" not in text and "\n" not in text])
+@each_row("text", [text for text in HOSTILE.values() if "\0" not in text and "\n" not in text])
 def test_messages_spell_it_out(text: str) -> None:
     for words in (
         ["exo", "get", text, "--fake"],

@@ -58,7 +58,7 @@ def test_the_schema_refuses(path: str, value: object) -> None:
     assert list(schema().iter_errors(envelope)), f"{path} = {value} passes"
 
 
-@pytest.mark.parametrize("key", [key for key in ENVELOPE_KEYS if key != "rows"])
+@each_row("key", [key for key in ENVELOPE_KEYS if key != "rows"])
 def test_the_schema_requires(key: str) -> None:
     envelope = good()
     del envelope[key]

@@ -90,7 +90,7 @@ def test_the_same_on_a_pipe(kind: str, verb: str) -> None:
     assert not missing, missing
 
 
-@pytest.mark.parametrize(("kind", "verb", "rows", "columns"), [
+@each_row(("kind", "verb", "rows", "columns"), [
     ("exo", "status", 6, 8), ("exo", "dump", 13, 10), ("wrist", "dump", 11, 5), ("barrett", "dump", 22, 7),
     ("ekso", "settings", 22, 5), ("aidin", "dump", 19, 7), ("exo", "describe", 14, 10),
 ])  # fmt: skip
@@ -266,7 +266,7 @@ class Context:
         return "fake://exo"
 
 
-@pytest.mark.parametrize("width", [40, 69, 70, 75, 80, 100])
+@each_row("width", [40, 69, 70, 75, 80, 100])
 def test_long_numbers_take_the_room_of_the_bar(width: int) -> None:
     view = live_view.View(Table(ranges={"odometer": (0.0, 2.0**32)}), Context())  # type: ignore[arg-type]
     for value in (1234567890, 4294967295):
@@ -344,7 +344,7 @@ def test_the_live_view_without_colour(kind: str) -> None:
     assert "1 sample in" in piped.err and piped.err.rstrip().endswith(", simulated")
 
 
-@pytest.mark.parametrize("kind", list(FAMILIES))
+@each_row("kind", list(FAMILIES))
 def test_a_map_is_a_table_at_80_columns_with_its_prose_below(kind: str) -> None:
     """Names stand in the first column, their numbers side by side; sentences stand below, indented."""
     lines = shown(kind, "describe", 80).lines

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 
@@ -56,7 +54,7 @@ def test_a_worn_setting_says_what_was_there() -> None:
     assert (same.code, same.json["writes"], same.rows[0]["changed"]) == (0, [], False)
 
 
-@pytest.mark.parametrize("family", ["exo", "barrett", "hand"])
+@each_row("family", ["exo", "barrett", "hand"])
 def test_a_dry_run_lists_all(family: str) -> None:
     name = {"exo": "baud_code", "barrett": "MCV", "hand": "default_speed"}[family]
     plan = run(family, "set", *held(family, name), "-n", "--json")

@@ -25,6 +25,7 @@ from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.sim.engine.serve import send_control
 from handctl.tools.shell import Shell
 from tests.support.cli import Simulator, clean_environment, fake, run, spying, start, wait_until
+from tests.support.each_row import each_row
 from tests.support.terminal import Terminal
 
 
@@ -202,7 +203,7 @@ def test_from_the_first_line_that_moves_the_death_of_the_shell_stops_the_device(
     assert guards.events == events
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("before", "found", "absent"),
     [
         ("", ["get ", "status ", "exo ", "barrett ", "ports ", "exit "], ["shell ", "sim "]),

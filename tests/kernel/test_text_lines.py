@@ -15,6 +15,7 @@ from handctl.errors import UsageError
 from handctl.files import BYTE_ORDER_MARK, text_lines
 from tests.support.cli import fake, run, sent
 from tests.support.each_row import each_row
+from tests.support.syntax import nodes_of
 
 NO_LINE_END = "\x00\x08\x0b\x0c\x1b\x1c\x1d\x1e\x1f\x7f\x85\x9b\u2028\u2029"
 """Controls and separators: an editor or `str.splitlines` takes many of them for the end of a line."""
@@ -137,7 +138,7 @@ def test_files_that_handctl_wrote_are_read_with_one(tmp_path: Path) -> None:
     assert run("plot", log, "-o", tmp_path / "p.svg").code == 0
 
 
-@pytest.mark.parametrize("text", [CONTROL, f"# a\x0b3,4\u20285,6\n{CONTROL}", CONTROL.replace("\n", "\r\n"), CONTROL.replace("\n", "\r")])  # fmt: skip
+@each_row("text", [CONTROL, f"# a\x0b3,4\u20285,6\n{CONTROL}", CONTROL.replace("\n", "\r\n"), CONTROL.replace("\n", "\r")])  # fmt: skip
 def test_control_values_have_these_lines(text: str, tmp_path: Path) -> None:
     file = tmp_path / "c.csv"
     found = []
@@ -164,7 +165,7 @@ def test_no_text_of_others_is_split_in_another_way() -> None:
     found = {
         file.relative_to(top).as_posix()
         for file in top.rglob("*.py")
-        if "splitlines" in (text := file.read_text(encoding="utf-8"))
-        and any(isinstance(node, ast.Attribute) and node.attr == "splitlines" for node in ast.walk(ast.parse(text)))
+        if "splitlines" in file.read_text(encoding="utf-8")
+        and any(isinstance(node, ast.Attribute) and node.attr == "splitlines" for node in nodes_of(file))
     }
     assert found <= OWN_TEXTS, found - OWN_TEXTS

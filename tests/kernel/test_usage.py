@@ -62,7 +62,7 @@ def test_what_a_protocol_does_not_have_is_not_offered(family: str) -> None:
     assert len(refused) == {"exo": 0, "wrist": 0, "barrett": 1, "ekso": 1, "aidin": 2}.get(family, len(refused))
 
 
-@pytest.mark.parametrize("name", WITHOUT_A_LINK)
+@each_row("name", WITHOUT_A_LINK)
 def test_what_opens_no_link_offers_none(name: str) -> None:
     offered = set(re.findall(r"--[\w-]+", help_of(*name.split()).partition("\nCommon options (")[2]))
     links = [option for option in root.get_params(click.Context(root)) if isinstance(option, SharedOption)]

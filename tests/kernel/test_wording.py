@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import pytest
-
 from handctl.errors import joined, typed
 from handctl.wording import sentence
 from tests.support.cli import fake, run
 from tests.support.each_row import each_row
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "said"),
     [
         ("the hand did not answer within 0.3 s", "The hand did not answer within 0.3 s."),

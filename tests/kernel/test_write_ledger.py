@@ -14,6 +14,7 @@ from handctl.model.param import Step
 from handctl.model.stop_sequence import StopContext, run_stop, stop_sequence_of
 from handctl.model.write_ledger import Frame, Ledger
 from handctl.wording import honest
+from tests.support.each_row import each_row
 
 
 class Words:
@@ -98,7 +99,7 @@ def test_a_group_is_one_step_with_its_count_and_its_ends() -> None:
     assert (row["bytes"], row["last"], row["count"], row["meaning"]) == ("47 31", "47 33", 3, "step G3")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("passed", "state"),
     [
         ((">G1", "<A1", ">G2", "<A2"), "confirmed"),
@@ -196,7 +197,7 @@ def test_a_plan_told_twice_is_one_plan() -> None:
     assert states(found) == [("W1", "not-sent"), ("W1", "not-sent"), ("W2", "not-sent")]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "left"),
     [
         ("a longer --deadline. Nothing was sent.", "a longer --deadline."),

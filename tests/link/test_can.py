@@ -20,6 +20,7 @@ from handctl.link.fake import FakeFrames
 from handctl.link.transcript import TraceWriter, observed, parse
 from tests.inspire.wrist_support import ScriptedFrames, can, frames, wrist_on
 from tests.support.cli import PATIENCE
+from tests.support.each_row import each_row
 
 CHANNEL = "handctl-tests"
 LINK = f"can:virtual:{CHANNEL}"
@@ -27,7 +28,7 @@ LINK = f"can:virtual:{CHANNEL}"
 # -- LINK texts -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("link", "interface", "channel", "options"),
     [
         ("can:socketcan:can0", "socketcan", "can0", {"bitrate": 1000000}),
@@ -50,7 +51,7 @@ def test_link_texts(link: str, interface: str, channel: str, options: dict[str, 
     assert [type(value) for value in found[2].values()] == [type(value) for value in options.values()]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "link",
     [
         "can:",
@@ -78,7 +79,7 @@ def test_an_unknown_interface_is_named_with_the_known_ones() -> None:
         assert known in caught.value.hint
 
 
-@pytest.mark.parametrize("error", [ValueError("Invalid bitrate"), TypeError("unexpected keyword argument 'x'")])
+@each_row("error", [ValueError("Invalid bitrate"), TypeError("unexpected keyword argument 'x'")])
 def test_options_that_python_can_refuses(monkeypatch: pytest.MonkeyPatch, error: Exception) -> None:
     def refuse(**options: object) -> None:
         raise error
@@ -94,7 +95,7 @@ def test_an_option_cannot_change_the_channel() -> None:
         open_link(f"{LINK}?channel=other")
 
 
-@pytest.mark.parametrize("link", ["can:socketcan:nocan9", "can:slcan:/dev/nothing9"])
+@each_row("link", ["can:socketcan:nocan9", "can:slcan:/dev/nothing9"])
 def test_a_bus_that_cannot_be_opened(link: str) -> None:
     with pytest.raises(LinkError) as caught:
         open_link(link)
@@ -102,7 +103,7 @@ def test_a_bus_that_cannot_be_opened(link: str) -> None:
     assert link in caught.value.text
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("link", "carries"),
     [
         ("can:socketcan:can0", True), ("fake://wrist?bus=can", True), ("fake://wrist?seed=1&bus=can&wire=1", True),
@@ -125,7 +126,7 @@ def test_a_dry_run_has_no_bus() -> None:
     link.close()
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "frame"),
     [
         ("15038001 [4] E8 03 18 FC", CanFrame(0x15038001, b"\xe8\x03\x18\xfc")),
@@ -351,9 +352,7 @@ def test_the_adapter_that_goes_away() -> None:
     assert caught.value.exit_code == 3
 
 
-@pytest.mark.parametrize(
-    "link", ["fake://exo?bus=can", "fake://wrist?bus=can&fault=bad-checksum", "fake://wrist?bus=lin"]
-)
+@each_row("link", ["fake://exo?bus=can", "fake://wrist?bus=can&fault=bad-checksum", "fake://wrist?bus=lin"])
 def test_what_has_no_such_bus(link: str) -> None:
     with pytest.raises(UsageError):
         open_link(link)

@@ -26,6 +26,7 @@ from handctl.link import serial as serial_module
 from handctl.link.port_users import Process
 from handctl.system import descriptors, waits
 from tests.support.cli import PATIENCE, run
+from tests.support.each_row import each_row
 from tests.support.scripted import unhex
 
 READ_ID, ID_IS_1 = unhex("EB 90 01 04 11 E8 03 01 02"), unhex("90 EB 01 04 11 E8 03 01 02")
@@ -152,7 +153,7 @@ def test_a_file_is_not_a_port(tmp_path: object) -> None:
     assert (error.exit_code, error.code) == (3, "not-a-port")
 
 
-@pytest.mark.parametrize("path", ["/dev/null", "/"])
+@each_row("path", ["/dev/null", "/"])
 def test_devices_and_directories_are_not_ports(path: str) -> None:
     error = opening(path)
     assert (error.exit_code, error.code) == (3, "not-a-port")
@@ -339,7 +340,7 @@ def plug(monkeypatch: pytest.MonkeyPatch, *ports: SimpleNamespace) -> None:
     monkeypatch.setattr(list_ports, "comports", lambda *args, **more: list(ports))
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("link", "device"),
     [
         ("usb:1A86:7523", "/dev/ttyUSB2"), ("usb:1a86:7523", "/dev/ttyUSB2"), ("usb:0403:6001:A1", "/dev/ttyUSB0"),
@@ -362,7 +363,7 @@ def test_usb_port_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "no USB serial port" in opening("usb:1A86:7523").hint
 
 
-@pytest.mark.parametrize("number", ["A", "1", "a1", "A12"])
+@each_row("number", ["A", "1", "a1", "A12"])
 def test_a_serial_number_must_be_the_whole_one(monkeypatch: pytest.MonkeyPatch, number: str) -> None:
     """The port of another device must not be opened for it."""
     plug(monkeypatch, FTDI_A, CH340)
@@ -378,7 +379,7 @@ def test_usb_port_that_is_not_the_only_one(monkeypatch: pytest.MonkeyPatch) -> N
         assert part in error.text
 
 
-@pytest.mark.parametrize("link", ["usb:", "usb:0403", "usb:xyz:6001", "usb:0403:", "usb::6001"])
+@each_row("link", ["usb:", "usb:0403", "usb:xyz:6001", "usb:0403:", "usb::6001"])
 def test_usb_link_that_is_none(monkeypatch: pytest.MonkeyPatch, link: str) -> None:
     plug(monkeypatch, FTDI_A)
     assert opening(link).exit_code == 2

@@ -26,7 +26,7 @@ HERE = [
 ]
 
 
-@pytest.mark.parametrize("scheme", ["tcp", "socket", "rfc2217"])
+@each_row("scheme", ["tcp", "socket", "rfc2217"])
 def test_all_names_of_this_machine_are_one_place(scheme: str) -> None:
     assert {canonical(f"{scheme}://{host}:8000") for host in HERE} == {"tcp 127.0.0.1:8000"}
     assert {canonical(f"{scheme}://{host}:08000/") for host in HERE} == {"tcp 127.0.0.1:8000"}
@@ -182,7 +182,7 @@ def test_a_damaged_line_of_an_adapter_is_dropped_and_counted() -> None:
             open_link("can:slcan:/dev/nothing-there")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("answer", "code", "words"),
     [
         (b"T?2A7\r", 5, "the adapter sent 1 corrupted line (the last one: b'T1"),

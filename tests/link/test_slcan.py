@@ -176,7 +176,7 @@ def test_a_line_without_end_is_bounded(time_jumps: Clock) -> None:
     assert link.damaged >= 1
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("flags", "text"),
     [(0, "00: no error"), (0xA4, "A4: error warning, error passive, bus error"), (2, "02: transmit queue full")],
 )
@@ -211,7 +211,7 @@ def test_bus_off_ends_with_the_next_opening() -> None:
     assert codes == [0, 3, 0]
 
 
-@pytest.mark.parametrize(("number", "code", "exit_code"), [(105, "no-ack", 4), (100, "down", 3), (5, "cannot-send", 3)])
+@each_row(("number", "code", "exit_code"), [(105, "no-ack", 4), (100, "down", 3), (5, "cannot-send", 3)])
 def test_what_linux_says_of_a_frame_that_does_not_go_out(
     monkeypatch: pytest.MonkeyPatch, number: int, code: str, exit_code: int
 ) -> None:

@@ -29,7 +29,7 @@ def one(line: str) -> Entry:
     return entry
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "entry"),
     [
         (f"0.000000 > {READ_ID}", Entry(0.0, ">", unhex(READ_ID), "", None, 1)),
@@ -66,7 +66,7 @@ def test_bad_lines_are_named_by_number(line: str) -> None:
     assert "some.txt, line 3" in caught.value.text
 
 
-@pytest.mark.parametrize(
+@each_row(
     "line", ["nan > 90", "inf > 90", "-inf < 90", "-1.0 > 90", "> ", "0.5 <", "> can -1 [0]", "> can 20000000 [0]"]
 )
 def test_lines_that_cannot_have_been_recorded(line: str) -> None:
@@ -161,7 +161,7 @@ def test_a_recording_gives_the_same_rows(tmp_path: Path) -> None:
     assert len(live.rows) == 42
 
 
-@pytest.mark.parametrize("fault", ["echo", "noise", "dribble", "stale", "duplicate", "block-silent"])
+@each_row("fault", ["echo", "noise", "dribble", "stale", "duplicate", "block-silent"])
 def test_a_recording_of_a_bad_line_gives_the_same_rows(tmp_path: Path, fault: str) -> None:
     lines: list[str] = []
     live = hand_on(observed(open_link(f"fake://exo?clock=virtual&fault={fault}"), TraceWriter(lines.append))).dump()
@@ -284,7 +284,7 @@ def test_transcripts_that_cannot_be_played(tmp_path: Path) -> None:
 # -- the simulator as a link ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("url", "parts"),
     [
         ("fake://exo", ("exo", {})), ("fake://exo/", ("exo", {})), ("fake://exo?", ("exo", {})),
@@ -297,7 +297,7 @@ def test_urls_of_simulators(url: str, parts: tuple[str, dict[str, str]]) -> None
     assert split_url(url) == parts
 
 
-@pytest.mark.parametrize(
+@each_row(
     "url",
     [
         "fake://", "fake://nothing", "fake://exo?seed", "fake://exo?nothing=1", "fake://exo?fault=nothing",
@@ -429,7 +429,7 @@ def test_a_link_that_is_only_slow_to_take_data_is_not_lost() -> None:
     assert [line.split()[1:] for line in lines] == [[">", "01"]]  # the line is recorded, no event
 
 
-@pytest.mark.parametrize("place", ["/dev/zero", "folder"])
+@each_row("place", ["/dev/zero", "folder"])
 def test_a_transcript_without_an_end_is_refused(tmp_path: Path, place: str) -> None:
     (tmp_path / "folder").mkdir()
     result = run("exo", "get", "id", "-p", f"replay:{place if place[0] == '/' else tmp_path / place}")

@@ -126,8 +126,12 @@ class Verdict:
         items[:] = [item for item in items if self.of(item.nodeid)]
 
     @pytest.hookimpl(tryfirst=True)
-    def pytest_runtest_protocol(self, item: pytest.Item) -> bool | None:
-        return True if self.of(item.nodeid) in self.failed else None
+    def pytest_runtest_protocol(self, item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+        if self.of(item.nodeid) not in self.failed:
+            return None
+        # What the one before has left up for this one: else the next one fails for that, whatever it looks at.
+        item.session._setupstate.teardown_exact(nextitem)
+        return True
 
     def pytest_collectreport(self, report: pytest.CollectReport) -> None:
         if report.failed:

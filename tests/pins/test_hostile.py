@@ -8,6 +8,7 @@ import pytest
 
 from tests.pins.replay import complete, groups, pinned, replay
 from tests.search.suite import suites
+from tests.support.each_row import each_row
 
 MANY = "a case for each suite and family: so many pins are replayed"
 
@@ -17,6 +18,6 @@ def test_pins(name: str, group: str, tmp_path: Path) -> None:
     replay(name, group, tmp_path)
 
 
-@pytest.mark.parametrize("name", [suite.name for suite in pinned(__file__)])
+@each_row("name", [suite.name for suite in pinned(__file__)])
 def test_what_needs_a_pin_has_one(name: str) -> None:
     complete(suites()[name])

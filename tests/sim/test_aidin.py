@@ -331,7 +331,7 @@ def test_bad_commands_change_nothing(text: str) -> None:
     assert bench.state() == "mode 0 homed maxtorque 1000 dropped 0 ignored 1"
 
 
-@pytest.mark.parametrize("edge", ["-0.226892", "0.785398", repr(math.radians(-13)), repr(math.radians(45))])
+@each_row("edge", ["-0.226892", "0.785398", repr(math.radians(-13)), repr(math.radians(45))])
 def test_limits_themselves_are_inside(edge: str) -> None:
     bench = Bench(start="homed")
     bench.ask(JOINTS.replace("0.174533", edge).replace("0.087266", "0", 1))
@@ -350,7 +350,7 @@ def test_q4_does_not_count() -> None:
     assert zero[3::4] == [0.0] * 5
 
 
-@pytest.mark.parametrize(("policy", "place"), [("clamp", 280000), ("ignore", 70110), ("obey", 280000)])
+@each_row(("policy", "place"), [("clamp", 280000), ("ignore", 70110), ("obey", 280000)])
 def test_values_out_of_range(policy: str, place: int) -> None:
     bench = Bench(start="homed", limits=policy)
     bench.ask(command(10, hand_TP_cmd=[500000, *READINGS[1:]]))
@@ -592,7 +592,7 @@ def test_state_file_keeps_the_hand_as_it_is(tmp_path: Path) -> None:
     assert Bench(state=path, power_cycle=1).look()["motor_pos"] == [0] * 15
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("key", "value"),
     [("places", [0] * 14), ("places", [float("nan")] * 15), ("drives", ["on"] * 15), ("maxtorque", 70000), ("mode", 7),
      ("jammed", None), ("warm", "long"), ("touch", {})],
@@ -616,7 +616,7 @@ def test_homing_does_not_go_on_after_a_restart(tmp_path: Path) -> None:
     assert again.look()["motor_pos"][3] == pytest.approx(88440, abs=5)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "words",
     ["touch index", "touch toe 1 2 3", "touch index 1 2 x", "touch index 1 2 2000", "touch index nan 0 0", "get battery",
      "bend index 1 2", "bend index 1 2 9999999", "obstacle index -1", "block", "dance"],

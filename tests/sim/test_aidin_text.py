@@ -79,7 +79,7 @@ def test_tolerant_reader(data: str | bytes, expected: str) -> None:
     assert state(line).startswith(expected)
 
 
-@pytest.mark.parametrize("size", [1, 2, 7, 15, 46])
+@each_row("size", [1, 2, 7, 15, 46])
 def test_objects_may_be_cut_anywhere(size: int) -> None:
     line, text = make(), (STOP + "\n" + TORQUE).encode()
     heard = b""
@@ -103,7 +103,7 @@ def test_half_an_object_is_forgotten() -> None:
     assert line.command("state").startswith("mode 3 ")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("reader", "data", "requests"),
     [
         ("naive", TORQUE, 1), ("naive", TORQUE + "\n", 1), ("naive", TORQUE + "\0rest", 1), ("naive", STOP + TORQUE, 0),
@@ -148,9 +148,7 @@ def test_nothing_that_is_sent_raises(reader: str) -> None:
 # -- feedback out -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("between", "end"), [("newline", b"\n"), ("none", b"}"), ("nul", b"\0"), ("blank", b" "), ("crlf", b"\r\n")]
-)
+@each_row(("between", "end"), [("newline", b"\n"), ("none", b"}"), ("nul", b"\0"), ("blank", b" "), ("crlf", b"\r\n")])
 def test_what_follows_an_object(between: str, end: bytes) -> None:
     heard = ask(make(between=between), STOP + STOP)
     assert heard.endswith(b"]}" + end.removeprefix(b"}"))
@@ -335,8 +333,8 @@ def test_noise_leaves_the_object_whole(seed: int) -> None:
     assert 2 <= len(heard) - len(whole) <= 12
 
 
-@pytest.mark.parametrize("fault", ["dribble", "split"])
-@pytest.mark.parametrize("exchange", ["poll", "stream"])
+@each_row("fault", ["dribble", "split"])
+@each_row("exchange", ["poll", "stream"])
 def test_pieces_make_up_the_object_and_the_stream_does_not_pile_up(fault: str, exchange: str) -> None:
     line, whole = make(fault=fault, exchange=exchange), ask(make())
     first = ask(line)
@@ -349,7 +347,7 @@ def test_pieces_make_up_the_object_and_the_stream_does_not_pile_up(fault: str, e
         assert all(later - sooner < 0.02 for (sooner, _), (later, _) in pairwise(reads[1:]))
 
 
-@pytest.mark.parametrize("exchange", ["poll", "stream"])
+@each_row("exchange", ["poll", "stream"])
 def test_disconnect_and_a_new_client(exchange: str) -> None:
     line = make(fault="disconnect", exchange=exchange, after=1)
     whole = ask(make())
@@ -365,7 +363,7 @@ def test_disconnect_and_a_new_client(exchange: str) -> None:
     assert ask(line).count(b"\n") == 1
 
 
-@pytest.mark.parametrize("fault", ["wrong-id", "twin-id", "garble"])
+@each_row("fault", ["wrong-id", "twin-id", "garble"])
 def test_faults_that_mean_nothing_without_id_and_speed(fault: str) -> None:
     assert ask(make(fault=fault)) == ask(make())
 
@@ -388,7 +386,7 @@ def test_every_fault_runs_and_ends(fault: str, exchange: str) -> None:
     assert list(json.loads(heard.splitlines()[-1] if heard else ask(line).splitlines()[-1])) == KEYS
 
 
-@pytest.mark.parametrize(
+@each_row(
     "options",
     [{"rate": "0"}, {"exchange": "push"}, {"start": "shut"}, {"digits": "5"}, {"buffer": "10"}, {"chunk": "-1"},
      {"merge": "0"}, {"reader": "strict"}, {"q4": "1"}, {"colour": "red"}, {"fault": "locked-rotor"}, {"drift": "x"}],

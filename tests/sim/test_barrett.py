@@ -140,7 +140,7 @@ def test_no_wire_no_time() -> None:
     assert bench.line.next_event() is None
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "answer"),
     [
         ({}, "VERS\n\r4.33\n\r=> "),
@@ -153,7 +153,7 @@ def test_line_ends_and_prompts(options: dict[str, object], answer: str) -> None:
     assert ready(**options).send("VERS\r") == answer
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("typed", "answer"),
     [
         ("  FGET   P  \r", "  FGET   P  \n\r0 0 0 0\n\r=> "),
@@ -189,7 +189,7 @@ def test_longest_lines_of_known_clients_fit() -> None:
     assert len(bench.ask("FGET " + " ".join(["P"] * 24))) == 24
 
 
-@pytest.mark.parametrize("prefix", ["", "1", "2", "3", "4", "S", "G", "321", "S123", "SG", "1G4S", "33"])
+@each_row("prefix", ["", "1", "2", "3", "4", "S", "G", "321", "S123", "SG", "1G4S", "33"])
 def test_prefixes(prefix: str) -> None:
     """§5.1.2; values in the order of the motors, each once."""
     chosen = {"1": "1", "2": "2", "3": "3", "4": "4", "S": "4", "G": "123"}
@@ -249,7 +249,7 @@ def test_prefix_where_none_is_taken(command: str) -> None:
         assert (answer == ["ERR 4096"]) is not takes, prefix
 
 
-@pytest.mark.parametrize("command", ["C", "HOME", "IC", "IO", "M", "O", "T", "TC", "TO"])
+@each_row("command", ["C", "HOME", "IC", "IO", "M", "O", "T", "TC", "TO"])
 def test_not_initialized(command: str) -> None:
     """§5.2.1: 4 for every such motor, and the others move all the same."""
     bench = Bench()
@@ -339,7 +339,7 @@ def test_arguments_limit() -> None:
 STANDARD, SHOWN_GLOBALS = MOTOR_33[:20], GLOBALS[:7]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "names"),
     [
         ("FLIST", STANDARD),
@@ -358,7 +358,7 @@ def test_lists_of_names(command: str, names: list[str]) -> None:
             assert [line.split()[0].rstrip(":") for line in lines] == names
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "names"),
     [("FLISTV", STANDARD), ("FLISTAV", MOTOR_33), ("PLISTV", SHOWN_GLOBALS), ("PLISTAV", GLOBALS)],
 )
@@ -377,7 +377,7 @@ def test_value_list_of_one_motor() -> None:
     assert ready().ask("SFLISTV")[:6] == ["1575", "315", "256", "256", "60", "60"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("texts", "version", "help_", "error", "parameter"),
     [
         ("values", "4.34", "HI Hand Initialize", "4 Motor not initialized", "DP Default Position"),
@@ -426,7 +426,7 @@ def test_it_is_a_known_kind() -> None:
     assert "barrett" in kinds()
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "complaint"),
     [
         ({"firmware": "4.5"}, "option firmware=4.5"),

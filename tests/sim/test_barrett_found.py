@@ -10,6 +10,7 @@ import pytest
 from handctl.sim import create
 from handctl.sim.barrett.shared_state import STATES
 from handctl.sim.bus.wire_pair import resample
+from tests.support.each_row import each_row
 
 
 class Bench:
@@ -72,7 +73,7 @@ def test_banner_and_prompt_apart() -> None:
     assert bench.send(b"\r") == b"\n\r=> "
 
 
-@pytest.mark.parametrize("window", [0.1, 0.5, 1.0, 2.0, 5.0])
+@each_row("window", [0.1, 0.5, 1.0, 2.0, 5.0])
 def test_a_trigger_in_the_window_only(window: float) -> None:
     """FF and a whole byte count in the window begin a download; behind it they are noise of the line."""
     for moment, expected in ((window - 0.02, "image partial"), (window + 0.05, "image valid")):
@@ -101,7 +102,7 @@ def test_every_state_is_known() -> None:
     assert FOUND.keys() == set(STATES)
 
 
-@pytest.mark.parametrize("state", FOUND)
+@each_row("state", FOUND)
 def test_what_a_bare_return_meets(state: str) -> None:
     bench = Bench(found=state)
     first, second = FOUND[state]
@@ -140,7 +141,7 @@ def test_blank_firmware_is_a_fault() -> None:
     assert bench.send(b"\r") == b""
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "sent", "receiver", "expected"),
     [
         # 26 us low, then 26 high: in the middle of a bit of 104 us CR is low, at samples 3 5 7 it is low twice.
@@ -162,7 +163,7 @@ def test_receivers_at_9600(data: str, sent: int, receiver: str, expected: str) -
     assert resample(bytes.fromhex(data), sent, 9600, receiver).hex(" ").upper() == expected
 
 
-@pytest.mark.parametrize("receiver", ["mid", "sci"])
+@each_row("receiver", ["mid", "sci"])
 def test_a_pulse_at_38400_is_a_trigger_at_9600(receiver: str) -> None:
     """^C of a client at 38400 in the boot window begins a download; the same at 9600 does nothing."""
     bench = Bench(found="boot", boot=2, uart=receiver, image_records=1)

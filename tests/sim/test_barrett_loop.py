@@ -84,7 +84,7 @@ def test_other_headers(header: int) -> None:
     assert say(example(), f"{header:02X}") == "0A 0D 45 52 52 20 32 30 34 38 0A 0D 3D 3E 20"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("discard", "start", "jump", "answers"),
     [
         (0, 1500, 500, ["2A 7F", "2A 7B", "2A 00"]),
@@ -124,7 +124,7 @@ def test_factory_flags() -> None:
 # -- entering and leaving ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("enter", "size"), [("LOOP", 23), ("1LOOP", 8), ("421LOOP", 18), ("SGLOOP", 23), ("GLOOP", 18), ("12sLooP", 18)]
 )
 def test_selected_motors(enter: str, size: int) -> None:
@@ -139,7 +139,7 @@ def test_disabled_motor_is_left_out_without_a_prefix() -> None:
         assert len(bytes.fromhex(say(bench, "41"))) == size
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "enter", "error"),
     [
         ("not-homed", "LOOP", 4),
@@ -200,7 +200,7 @@ def test_leaving_and_the_motors() -> None:
     assert "moving" not in bench.control("motors")
 
 
-@pytest.mark.parametrize(("command", "position"), [("2T", 500), ("2M 600", 600), ("RESET", 0)])
+@each_row(("command", "position"), [("2T", 500), ("2M 600", 600), ("RESET", 0)])
 def test_what_ends_a_velocity(command: str, position: int) -> None:
     bench = looping(OFF, "2FSET LCV 1", enter="2LOOP")
     say(bench, "63 10")
@@ -257,7 +257,7 @@ def test_same_velocity_again_loses_nothing() -> None:
     assert say(bench, "41") == "2A 03 E8"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("setting", "block", "samples", "position"),
     [
         ("LCVC 1", "63 01", 1600, 100),
@@ -289,7 +289,7 @@ def test_most_negative_velocity() -> None:
     assert say(bench, "41") == "2A F8 03 E8"  # -8 counts a sample, 9000 - 8000
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("unit", "coefficient", "feedback"),
     [("sample", 1, "05"), ("sample", 2, "02"), ("sample", 0, "05"), ("10ms", 1, "7F"), ("10ms", 2, "61")],
 )
@@ -381,7 +381,7 @@ def test_heat_in_the_loop() -> None:
 # -- firmware 4.4 ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("firmware", "tenths", "bytes_"),
     [
         ("4.33", 412, "01 9C"),
@@ -594,7 +594,7 @@ def test_state_of_a_loop_is_a_standstill(tmp_path: Path) -> None:
     assert again.get("P", "2") == ["500"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "complaint"),
     [
         ({"loop-jump": "1,2,3"}, "option loop-jump=1,2,3: not 4 numbers, such as 0,0,0,0"),

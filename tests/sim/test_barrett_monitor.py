@@ -94,7 +94,7 @@ def test_without_an_answer_the_firmware_starts() -> None:
     assert bench.get("S") == ["4 4 4 4"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "banner"),
     [({"boot": 0}, 0.0), ({"boot": 3}, 3.0), ({"boot": 3, "window": 1}, 3.0), ({"boot": 1, "window": 4}, 4.0)],
 )
@@ -178,7 +178,7 @@ def test_lower_case_and_several_tries() -> None:
     assert bench.send("reset\r") + bench.run() == "reset\r" + BANNER
 
 
-@pytest.mark.parametrize("end", ["power", "quiet"])
+@each_row("end", ["power", "quiet"])
 def test_reset_need_not_end_it(end: str) -> None:
     bench = downloaded(download_end=end, download_quiet=60)
     assert bench.send("\rRESET\r") == ""
@@ -188,7 +188,7 @@ def test_reset_need_not_end_it(end: str) -> None:
     assert bench.run() == ":" + BANNER
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("end", "last", "words"),
     [
         ("reset", "", "incomplete"),
@@ -269,7 +269,7 @@ def test_a_count_of_0_is_256() -> None:
     assert "1 records, 256 bytes, ranges 2000-20FF" in image(bench)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("sent", "words"),
     [
         ("", "valid"),
@@ -343,7 +343,7 @@ def test_state_file_is_kept_up_to_date(tmp_path: Path) -> None:
     assert (state["records"], state["partial"]) == (130, False)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "value"),
     [
         ("partial", 2),
@@ -377,7 +377,7 @@ def rested(seconds: int, **options: object) -> Bench:
     return bench
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "seconds", "words"),
     [
         ({}, 172800, "valid"),
@@ -596,7 +596,7 @@ def test_time_on_the_wire() -> None:
     assert echoes == bytes.fromhex("00 20 08") + RECORD
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "complaint"),
     [
         ({"download-at": "2G"}, "download-at '2G': use a hex address such as 0x2C40, +N for the N-th echo, or off"),

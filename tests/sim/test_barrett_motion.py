@@ -59,7 +59,7 @@ def test_other_clock() -> None:
     assert ready(hctl_clock="1.25").seconds("GM 17500") == pytest.approx(3200 * 409.6e-6, abs=1e-9)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("samples", "place"),
     [
         (0, 0.0),
@@ -80,7 +80,7 @@ def test_profile_on_the_way(samples: int, place: float) -> None:
     assert positions(bench)[0] == round(place)
 
 
-@pytest.mark.parametrize(("command", "name"), [("TC", "MCV"), ("TO", "MOV")])
+@each_row(("command", "name"), [("TC", "MCV"), ("TO", "MOV")])
 def test_velocity_control(command: str, name: str) -> None:
     """§9.2.2, §8: no ramps, no goal, each finger a little different, until the stops; 30 ms more (§5.5 case 1)."""
     bench = ready()
@@ -107,7 +107,7 @@ def test_hi_finds_the_stop_and_the_origin() -> None:
     assert bench.get("P S") == ["0 0 0 0", "0 0 0 0"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("setting", "more"),
     [
         ("IHIT 3", 400 * 256e-6 / 18.75 + 0.03),
@@ -148,7 +148,7 @@ def test_abort_of_hi_leaves_the_hand_without_initialization() -> None:
 # -- how movements end, §5.5 ---------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "answer"),
     [
         ("1M 15000", ["ERR 16"]),
@@ -182,7 +182,7 @@ def test_tip_force_follows_speed_and_gain() -> None:
     assert strains == ["179", "149", "149", "239"]
 
 
-@pytest.mark.parametrize("name", ["M 20000", "IC 20000"])
+@each_row("name", ["M 20000", "IC 20000"])
 def test_goal_beyond_the_stop(name: str) -> None:
     """§5.3.2: the joint stops bound the range, and differ from finger to finger."""
     bench = ready()
@@ -199,7 +199,7 @@ def test_opening_beyond_the_stop() -> None:
     assert bench.ask("GIO 50") == []  # within MPE
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("sign", "shown", "word", "delta"),
     [("signed", "-300", "FE D4", "80"), ("unsigned", "65236", "FE D4", "80"), ("clamped", "0", "00 00", "00")],
 )
@@ -217,7 +217,7 @@ def test_a_position_below_0(sign: str, shown: str, word: str, delta: str) -> Non
     assert bench.get("P", "1") == [shown]
 
 
-@pytest.mark.parametrize(("mpe", "answer"), [(790, ["ERR 16"]), (791, []), (792, [])])
+@each_row(("mpe", "answer"), [(790, ["ERR 16"]), (791, []), (792, [])])
 def test_maximum_position_error(mpe: int, answer: list[str]) -> None:
     """§5.3.4 MPE: the stop of F1 is at 17791, the goal 791 counts beyond it."""
     bench = ready()
@@ -225,7 +225,7 @@ def test_maximum_position_error(mpe: int, answer: list[str]) -> None:
     assert bench.ask("1M 18582") == answer
 
 
-@pytest.mark.parametrize("milliseconds", [0, 30, 500, 65535])
+@each_row("milliseconds", [0, 30, 500, 65535])
 def test_stop_time(milliseconds: int) -> None:
     """TSTOP in ms (§5.3.4, §5.5 case 1)."""
     bench = ready()
@@ -242,7 +242,7 @@ def test_no_acceleration_no_movement() -> None:
     assert positions(bench)[0] == 0
 
 
-@pytest.mark.parametrize("name", ["HSG", "MSG"])
+@each_row("name", ["HSG", "MSG"])
 def test_strain_limit_ends_at_once(name: str) -> None:
     """Case 2: SG above HSG, which MSG is another name of; no TSTOP. 112 without load, 0.2 a count."""
     bench = ready()
@@ -261,7 +261,7 @@ def test_strain_limit_ends_at_once(name: str) -> None:
     assert bench.get("P SG", "1") == ["0", "112"]
 
 
-@pytest.mark.parametrize(("limit", "place"), [(254, 17000), (255, 17000), (256, 17000), (112, 17000), (111, 0)])
+@each_row(("limit", "place"), [(254, 17000), (255, 17000), (256, 17000), (112, 17000), (111, 0)])
 def test_strain_limit_without_load(limit: int, place: int) -> None:
     """Strain of F1 is 112; 255 and 256 mean no check (§5.3.1)."""
     bench = ready()
@@ -270,7 +270,7 @@ def test_strain_limit_without_load(limit: int, place: int) -> None:
     assert positions(bench)[0] == place
 
 
-@pytest.mark.parametrize(("limit", "place"), [(0, 17000), (112, 17000), (113, 0), (254, 0), (255, 17000)])
+@each_row(("limit", "place"), [(0, 17000), (112, 17000), (113, 0), (254, 0), (255, 17000)])
 def test_low_strain_limit(limit: int, place: int) -> None:
     bench = ready()
     bench.ask(f"1FSET LSG {limit}")
@@ -319,8 +319,8 @@ def test_strain_from_outside() -> None:
     assert bench.get("SG", "2") == ["119"]
 
 
-@pytest.mark.parametrize("hold", [0, 1])
-@pytest.mark.parametrize("end", ["goal", "stall", "strain", "abort"])
+@each_row("hold", [0, 1])
+@each_row("end", ["goal", "stall", "strain", "abort"])
 def test_hold(hold: int, end: str) -> None:
     """§5.5: after any of the four cases the motor is off or holds, by HOLD alone."""
     bench = ready()

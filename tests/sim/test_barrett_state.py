@@ -63,7 +63,7 @@ def test_motor_parameter(name: str) -> None:
         assert bench.ask(f"{prefix}FSET {name} {usual[number]}") == []
 
 
-@pytest.mark.parametrize("name", GLOBAL)
+@each_row("name", GLOBAL)
 def test_global_parameter(name: str) -> None:
     low, high, default = GLOBAL[name]
     bench = ready()
@@ -96,7 +96,7 @@ def test_setting_one_parameter_sets_no_other() -> None:
         bench.ask("FDEF")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("firmware", "names"),
     [("4.33", set()), ("4.34", {"BD", "BP", "BS", "BDAT"}), ("4.4", {"BD", "BP", *LATER, *LATEST})],
 )
@@ -176,9 +176,7 @@ def test_save_load_default_of_globals() -> None:
     assert bench.control("saves") == "saves 0 1"
 
 
-@pytest.mark.parametrize(
-    ("command", "seconds"), [("FSAVE", 2.4), ("1FSAVE", 0.6), ("PSAVE", 0.08), ("FLOAD", 0.0), ("FDEF", 0.0)]
-)
+@each_row(("command", "seconds"), [("FSAVE", 2.4), ("1FSAVE", 0.6), ("PSAVE", 0.08), ("FLOAD", 0.0), ("FDEF", 0.0)])
 def test_saving_takes_time(command: str, seconds: float) -> None:
     """10 ms a byte, two bytes a value (our guess); nothing is heard meanwhile, but it is written at once."""
     bench = ready()
@@ -228,7 +226,7 @@ def test_worn_eeprom() -> None:
 BANNER = "\n\rBarrettHand Firmware\n\rVersion 4.33\n\r=> "
 
 
-@pytest.mark.parametrize("way", ["RESET", "power-cycle"])
+@each_row("way", ["RESET", "power-cycle"])
 def test_restart(way: str) -> None:
     """§5.2.4: RESET is a power cycle. RAM values and initialization go, EEPROM, odometer, uptime and peak stay."""
     bench = ready()
@@ -292,7 +290,7 @@ def test_no_banner_at_the_first_start() -> None:
 PROMPT_BYTES = bytes.fromhex("0A 0D 3D 3E 20")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("data", "sent", "heard", "expected"),
     [
         ("0D", 9600, 38400, "78 00"),
@@ -324,7 +322,7 @@ def test_probing_at_a_wrong_speed_is_harmless() -> None:
     assert heard == {0x00, 0x1E, 0x78, 0x80, 0xE6, 0xF8, 0xFC, 0xFE, 0xFF}
 
 
-@pytest.mark.parametrize("baud", [6, 12, 24, 48, 96, 192, 384])
+@each_row("baud", [6, 12, 24, 48, 96, 192, 384])
 def test_every_speed(baud: int) -> None:
     """§5.4.1; the client at any other speed gets no prompt, at this one it does."""
     bench = ready()
@@ -409,7 +407,7 @@ def test_saved_speed_option() -> None:
     assert bench.line.device.speed == 38400
 
 
-@pytest.mark.parametrize(("speed", "floor"), [(9600, 0.7), (38400, 0.17)])
+@each_row(("speed", "floor"), [(9600, 0.7), (38400, 0.17)])
 def test_wire_time_of_a_whole_dump(speed: int, floor: float) -> None:
     """Every byte of the four requests and answers, except the echo, which overlaps the request."""
     bench = ready(wire="auto", baud=speed)
@@ -482,7 +480,7 @@ def test_state_of_another_firmware(tmp_path: Path) -> None:
     assert Bench(state=path, firmware="4.4").get("DP BDAT", "1") == ["5", "1500"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("place", "value"),
     [
         (("ram", "motor", "DP"), [1, 2, 3]),
@@ -545,7 +543,7 @@ def test_fault_of_the_line(fault: str, answer: str) -> None:
     assert bench.send("FGET DP\r") + bench.run() == answer
 
 
-@pytest.mark.parametrize("fault", ["silent", "deaf", "late", "no-echo", "truncate"])
+@each_row("fault", ["silent", "deaf", "late", "no-echo", "truncate"])
 def test_what_is_carried_out_all_the_same(fault: str) -> None:
     bench = ready(fault=fault)
     bench.send("1FSET DP 5\r")
@@ -594,7 +592,7 @@ def test_abort_counts_as_a_line_when_nothing_was_typed() -> None:
     assert bench.control("requests") == "requests 3"
 
 
-@pytest.mark.parametrize("command", ["FSET DP 1", "FLOAD", "FSAVE", "FDEF", "PSET LFT 1", "PLOAD", "PSAVE", "PDEF"])
+@each_row("command", ["FSET DP 1", "FLOAD", "FSAVE", "FDEF", "PSET LFT 1", "PLOAD", "PSAVE", "PDEF"])
 def test_refused_writes(command: str) -> None:
     bench = ready(fault="refuse")
     assert bench.ask(command) == ["ERR 256"]
@@ -613,7 +611,7 @@ def test_hanging_hand_hears_nothing_until_it_is_switched_off() -> None:
     assert bench.run() == ":" + BANNER
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "name", "row"),
     [
         ("not-homed", "S", "4 4 4 4"),
@@ -704,7 +702,7 @@ def test_control_commands() -> None:
     assert bench.control("motors").startswith("F1 P 321 S 0 SG 112 power off, F2")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "complaint"),
     [
         ("block F4", "unknown motor 'F4'. Known: F1, F2, F3, S, all"),

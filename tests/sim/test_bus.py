@@ -137,7 +137,7 @@ def test_two_devices_with_one_id_and_another_turnaround(tmp_path: Path) -> None:
     assert ask(client, ASK_3) not in (ID_IS_3, ID_IS_3 * 2, b"")
 
 
-@pytest.mark.parametrize("fits", [True, False])
+@each_row("fits", [True, False])
 def test_who_asks_on_before_the_answer_is_over_loses_it_on_two_wires(tmp_path: Path, fits: bool) -> None:
     client = joined(bus_of(tmp_path, text("half-duplex", [EXO | {"id": 3}, EXO | {"id": 5}], half_duplex=not fits)))
     client.feed(ASK_3)
@@ -228,7 +228,7 @@ def test_an_adapter_that_hears_itself(tmp_path: Path) -> None:
     assert ask(client, ASK_3) == ASK_3 + ID_IS_3
 
 
-@pytest.mark.parametrize("model", MODELS)
+@each_row("model", MODELS)
 def test_every_model_lets_a_patient_client_work(tmp_path: Path, model: str) -> None:
     client = joined(bus_of(tmp_path, text(model, [EXO | {"id": 3}, WRIST | {"id": 5}])))
     for _ in range(3):

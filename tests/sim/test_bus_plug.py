@@ -13,6 +13,7 @@ from handctl.link import CanFrame, open_link
 from handctl.sim import create
 from tests.support.bus_file import text
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.virtual import Loop
 
 ASK_3 = bytes.fromhex("EB 90 03 04 11 E8 03 01 04")
@@ -93,7 +94,7 @@ def test_a_device_is_pulled_off_a_can_bus(tmp_path: Path) -> None:
 # -- adapters ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("wire", "devices"), [("rs485", HANDS), ("can", WRISTS)])
+@each_row(("wire", "devices"), [("rs485", HANDS), ("can", WRISTS)])
 def test_the_port_in_this_process_goes_and_comes_back(tmp_path: Path, wire: str, devices: list[dict[str, Any]]) -> None:
     path = file_of(tmp_path, devices, wire=wire, unplug="1:2")
     link: Any = open_link(f"fake://bus?file={path}&clock=virtual", baud=115200)
@@ -184,7 +185,7 @@ def test_faults_of_the_bus_show_in_this_process_and_those_of_an_adapter_do_not(t
     assert done.code == 2 and "--slcan-pty" in done.error["text"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("line", "device", "told"),
     [({"wire": "can", "fault": "bell"}, {}, "some of no-ack"), ({"wire": "rs485", "fault": "bel"}, {}, 'wire = "can"'),
      ({"wire": "can", "unplug": "2"}, {}, "AT:SECONDS"), ({"wire": "can", "unplug": 2}, {}, "AT:SECONDS"),

@@ -14,6 +14,7 @@ from handctl.sim.bus.bus_file import EXAMPLE
 from handctl.sim.cli import cli
 from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, wait_until
+from tests.support.each_row import each_row
 from tests.support.virtual import Loop
 
 ASK_3 = bytes.fromhex("EB 90 03 04 11 E8 03 01 04")
@@ -68,7 +69,7 @@ def test_the_help_names_every_key_and_its_example_runs(tmp_path: Path) -> None:
         assert loop.open().read(9) == bytes.fromhex("EB 90 02 04 30 FC 03 02 37")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("content", "arguments", "complaint"),
     [
         (EXAMPLE, [], "No endpoint given. Give --pty, --tcp HOST:PORT, --slcan-pty or --slcan-tcp HOST:PORT"),

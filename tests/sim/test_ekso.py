@@ -79,7 +79,7 @@ def test_crc_agrees_with_the_library(data: bytes) -> None:
     assert crc(data) == crc_hqx(data, 0xFFFF)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "reply"),
     [
         pytest.param(GET_TIME, TIME_4, id="GetTime, 4 bytes"),
@@ -110,7 +110,7 @@ def test_msg_id_wraps() -> None:
     assert bench.ask("96 00 00 00 65 C6") == "96 04 00 00 17 3B 3B 00 16 B7"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("code", "reply"),
     [(1, SET_WRONG_STATE), (2, "9B 02 00 CD 00 02 03 71"), (3, "9B 02 00 CD 00 03 13 50")],
 )
@@ -148,7 +148,7 @@ def test_other_length_conventions(name: str, place: int) -> None:
     assert bench.ask(f"{command}{length}{ident}{body}{check}") == reply
 
 
-@pytest.mark.parametrize(("place", "status"), [(0, "2001 F871"), (1, "2001 BCF2"), (2, "2001 735A")])
+@each_row(("place", "status"), [(0, "2001 F871"), (1, "2001 BCF2"), (2, "2001 735A")])
 def test_refused_in_other_conventions(place: int, status: str) -> None:
     bench = Bench(preset="vectors", length=("n-4", "n-2", "frame")[place], fault="refuse")
     length, check = LENGTHS["SetValue 202"][4 + place].split()[:2]
@@ -162,7 +162,7 @@ def test_answers_may_count_otherwise() -> None:
     assert bench.ask(GET_TIME) == "96 0A 00 C8 0E 05 25 00 03 A2"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("preset", "request_", "reply"),
     [
         (
@@ -208,7 +208,7 @@ def test_ladders(preset: str, request_: str, reply: str) -> None:
     assert Bench(preset=preset).ask(message(command, ident).hex()) == reply
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "word", "raw"),
     [
         pytest.param("9B 04 02 03 00 D1 FF FF CC 5B", 9, 0xFFFF, id="lateral_shift -0.01"),
@@ -228,7 +228,7 @@ def test_writes_of_the_dossier(request_: str, word: int, raw: int) -> None:
     assert bench.words(152) == wanted
 
 
-@pytest.mark.parametrize("request_", ["9B 04 02 00 00 CC 00 1D FD 28", "9B 04 02 02 00 CA 00 73 86 63"])
+@each_row("request_", ["9B 04 02 00 00 CC 00 1D FD 28", "9B 04 02 02 00 CA 00 73 86 63"])
 def test_writes_below_the_invented_limits(request_: str) -> None:
     """Swing time 0.29 and step length 1.15 are good messages; the simulator's range is narrower."""
     assert Bench().ask(request_)[12:17] == "00 02"
@@ -259,7 +259,7 @@ def test_each_id_changes_its_word_only(parameter: int, word: int) -> None:
     assert bench.words(152) == wanted
 
 
-@pytest.mark.parametrize("parameter", [0, 199, 220, 0xCA00, 65535])
+@each_row("parameter", [0, 199, 220, 0xCA00, 65535])
 def test_unknown_ids(parameter: int) -> None:
     bench = Bench()
     assert bench.set(parameter, 1) == (0, 3)
@@ -290,9 +290,7 @@ def test_limits(parameter: int, low: int, high: int, code: int) -> None:
     assert bench.words(152)[WORD_OF_ID[parameter]] == high % 65536
 
 
-@pytest.mark.parametrize(
-    ("posture", "state"), [("rising", 0x30), ("lowering", 0x34), ("held", 0x30), ("walking", 0x44)]
-)
+@each_row(("posture", "state"), [("rising", 0x30), ("lowering", 0x34), ("held", 0x30), ("walking", 0x44)])
 def test_settings_are_refused_between_the_postures(posture: str, state: int) -> None:
     bench = Bench(posture=posture)
     assert bench.set(202, 1500) == (state, 1)
@@ -325,7 +323,7 @@ def test_field_commands() -> None:
 # -- what makes no sense ---------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     "bad",
     [
         pytest.param("96 00 00 C8 82 3D", id="CRC low byte first"),

@@ -11,6 +11,7 @@ import pytest
 
 from handctl.sim.ekso.mechanics import POSTURES, hips
 from tests.sim.ekso_bench import Bench, message
+from tests.support.each_row import each_row
 
 
 def signed(word: int) -> int:
@@ -43,7 +44,7 @@ def residuals(values: dict[str, float], upper: float, lower: float) -> float:
 # -- kinematics --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("pitch", "hip", "knee", "x", "y"),
     [(-10, 78, 103, -101, 2005), (20.8, 68, 54, -78, 3144), (5.8, -1, 0, 67, 3677), (4.5, 22.1, 8.4, -49, 3600)],
 )

@@ -28,7 +28,7 @@ def test_boot_time_ticks_by_2_ms() -> None:
     assert seen == [7654321 + 2 * (step // 2) for step in range(50)]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("start", "words"), [(65533, [0, 65533, 1, 1]), (4294967293, [65535, 65533, 0, 1]), (131070, [1, 65535, 2, 3])]
 )
 def test_boot_time_carries(start: int, words: list[int]) -> None:
@@ -102,7 +102,7 @@ def test_calendar_turns() -> None:
         assert bench.line.command("rtc") == f"rtc {wanted}"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "why"),
     [
         ("soon", "is not YYYY"),
@@ -124,7 +124,7 @@ def test_impossible_dates(text: str, why: str) -> None:
 # -- the wire ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("command", "count", "per_second"),
     [(153, 66, 174.5), (152, 56, 205.7), (154, 46, 250.4)],
     ids=["data", "set", "fb"],
@@ -203,7 +203,7 @@ def test_bad_control_commands(text: str) -> None:
     assert bench.words(152) == POWER_ON
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "value"),
     [
         *(("preset", "x"), ("posture", "x"), ("boot", "-1"), ("boot", "4294967296"), ("rtc", "x"), ("time-body", "5")),
@@ -238,7 +238,7 @@ def test_state_file(tmp_path: Path) -> None:
     assert Bench(state=path, power_cycle=1, persist=0).words(152) == POWER_ON
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "value"),
     [
         ("settings", [1]),

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from handctl.sim import model_class
 from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from tests.sim.ekso_bench import (
@@ -117,7 +115,7 @@ def test_pendant() -> None:
     assert [bench.words(152)[12] for _ in range(4)] == [0, 0, 1, 2]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "state"), [({"posture": "sitting"}, 0x1040), ({"preset": "vectors"}, 0x2040)], ids=["live", "fixed"]
 )
 def test_stands_up(options: dict[str, str], state: int) -> None:

@@ -145,7 +145,7 @@ def test_ack_of_an_id_change_from_the_old_id() -> None:
     assert bench.ask("EB 90 02 04 11 E8 03 01 03") == "90 EB 02 04 11 E8 03 02 04"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "result"),
     [
         ({}, SAVED),
@@ -175,7 +175,7 @@ def test_twin_of_the_save_result() -> None:
 # -- requests a device must find, or leave alone --------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     "noise",
     [
         "00 FF 12",
@@ -227,7 +227,7 @@ def test_id_change_counts_for_the_next_request_of_the_same_write() -> None:
     )
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("number", "request_", "reply"),
     [
         (235, "EB 90 EB 04 11 E8 03 01 EC", "90 EB EB 04 11 E8 03 EB D6"),
@@ -241,7 +241,7 @@ def test_awkward_ids(number: int, request_: str, reply: str) -> None:
     assert Bench(id=number, fault="echo").ask(request_) == f"{request_} {reply}"
 
 
-@pytest.mark.parametrize(
+@each_row(
     "request_",
     [
         pytest.param("EB 90 02 04 11 E8 03 01 03", id="wrong id"),
@@ -267,7 +267,7 @@ def test_last_address_reads_zero() -> None:
 # -- writes ---------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     "request_",
     [
         pytest.param("EB 90 01 05 12 0A 06 01 01 2A", id="read-only position"),
@@ -533,7 +533,7 @@ def test_jitter_only_on_request() -> None:
 # -- device states ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "reply"),
     [
         ("faults", "90 EB 01 08 11 46 06 01 02 04 06 18 8B"),
@@ -590,7 +590,7 @@ def test_foreign_device_is_out_of_range() -> None:
     assert bench.numbers(1486, 5) == [3000, 3001, 3002, 3003, 3004]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "answers"),
     [
         (READ_ID, True),
@@ -721,7 +721,7 @@ def test_poked_memory_is_kept(tmp_path: Path) -> None:
     assert second.numbers(1612, 6, size=1) == [1, 2, 3, 0, 0, 0]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         "",
@@ -839,7 +839,7 @@ def test_bad_command(text: str) -> None:
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("what", ["a pipe", "a device", "a folder", "too large"])
+@each_row("what", ["a pipe", "a device", "a folder", "too large"])
 def test_a_state_that_may_be_without_end_is_not_read(what: str, tmp_path: Path) -> None:
     path = {"a device": "/dev/zero", "a folder": str(tmp_path)}.get(what, str(tmp_path / "state"))
     if what == "a pipe":

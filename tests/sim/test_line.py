@@ -67,7 +67,7 @@ def test_no_wire_no_time() -> None:
     assert line.next_event() is None
 
 
-@pytest.mark.parametrize(("speed", "milliseconds"), [(115200, 16.93), (57600, 33.85), (19200, 101.56)])
+@each_row(("speed", "milliseconds"), [(115200, 16.93), (57600, 33.85), (19200, 101.56)])
 def test_dump_in_two_reads_takes_its_195_bytes(speed: int, milliseconds: float) -> None:
     line = line_of(wire=speed)
     now, count = 0.0, 0
@@ -417,7 +417,7 @@ def test_first_speed_option() -> None:
     assert ask(line, bytes.fromhex("EB 90 01 04 11 E9 03 01 03")) == bytes.fromhex("90 EB 01 04 11 E9 03 01 03")
 
 
-@pytest.mark.parametrize("fault", ["garble", "noise"])
+@each_row("fault", ["garble", "noise"])
 def test_garbage_at_a_wrong_speed(fault: str) -> None:
     line = line_of(fault=fault)
     line.client_baud = 9600

@@ -11,6 +11,7 @@ from handctl.sim import create
 from handctl.sim.engine.line_and_faults import Plug
 from handctl.sim.engine.serve import send_control
 from tests.support.cli import Simulator, run, wait_until
+from tests.support.each_row import each_row
 from tests.support.virtual import Loop
 
 GET_ID, ID_IS_1 = bytes.fromhex("EB 90 01 04 11 E8 03 01 02"), bytes.fromhex("90 EB 01 04 11 E8 03 01 02")
@@ -36,7 +37,7 @@ def test_by_hand_for_a_while_or_until_it_is_pushed() -> None:
     assert not plug.out(5.0)
 
 
-@pytest.mark.parametrize("plan", ["2", "2:", "x:1", "2:0", "-1:1", "2:nan", "inf:1"])
+@each_row("plan", ["2", "2:", "x:1", "2:0", "-1:1", "2:nan", "inf:1"])
 def test_a_plan_that_is_none(plan: str) -> None:
     with pytest.raises(ValueError, match="AT:SECONDS"):
         create("exo", {"unplug": plan})

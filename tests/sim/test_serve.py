@@ -211,7 +211,7 @@ def test_a_state_that_cannot_be_written_is_named(tmp_path: Path) -> None:
         assert told.startswith("error ") and loop.code == 3
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("arguments", "message"),
     [
         ([], "--pty or --tcp"),
@@ -285,7 +285,7 @@ def test_what_does_not_fit_for_a_client_that_does_not_read_is_lost_in_whole_repl
     assert len(replies) > 6 and {row + b">" for row in replies} == {reply}
 
 
-@pytest.mark.parametrize("option", ["--state", "--control"])
+@each_row("option", ["--state", "--control"])
 def test_an_empty_path_is_refused(option: str) -> None:
     refused = CliRunner().invoke(cli, ["exo", "--tcp", "127.0.0.1:0", "--duration", "0.1", option, ""])
     assert refused.exit_code == 2 and "it is empty" in refused.output

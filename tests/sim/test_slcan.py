@@ -218,7 +218,7 @@ def test_timestamps() -> None:
     assert ask(later, b"Z1\rO\r" + PROBE) == b"\r\rZ\rT10FF00012A7FE01F4\r"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("setup", "passes"),
     [
         (b"M00000000\rmFFFFFFFF\r", True),
@@ -526,7 +526,7 @@ def test_the_tools_of_python_can_hear_and_play(tmp_path: Path) -> None:
 # -- options ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("arguments", "message"),
     [
         ([], "--slcan-pty or --slcan-tcp"),

@@ -218,7 +218,7 @@ def test_force_command_of_the_exo_lands_somewhere_else() -> None:
     assert bench.ask(DUMP) == DUMP_REPLY
 
 
-@pytest.mark.parametrize(
+@each_row(
     "request_",
     [
         pytest.param("EB 90 02 04 30 FC 03 02 37", id="wrong id"),
@@ -261,7 +261,7 @@ def test_cut_request_is_forgotten_after_a_pause() -> None:
 # -- CAN: the frames of a healthy wrist --------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("request_", "reply"),
     [
         pytest.param("11000001 04", "11000001 6F 00 DE 00", id="both currents 2.3.1"),
@@ -340,9 +340,7 @@ def test_silence_on_can(identifier: int, data: str, extended: bool, remote: bool
     assert bench.ask(CAN_PROBE) == [CAN_PROBE_REPLY]
 
 
-@pytest.mark.parametrize(
-    ("identifier", "size", "extended"), [(1 << 29, 0, True), (2048, 0, False), (1, 9, True), (-1, 0, True)]
-)
+@each_row(("identifier", "size", "extended"), [(1 << 29, 0, True), (2048, 0, False), (1, 9, True), (-1, 0, True)])
 def test_impossible_frame(identifier: int, size: int, extended: bool) -> None:
     with pytest.raises(ValueError, match="not a CAN frame"):
         CanBench().line.feed_frame(identifier, bytes(size), extended)
@@ -487,7 +485,7 @@ def test_speed_code_shows() -> None:
     assert bench.ask("00FA8001 01") == ["00FA8001 00"], "factory defaults"
 
 
-@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+@each_row("bench", on_both(), ids=["serial", "can"])
 def test_hand_has_values_of_its_own_everywhere(bench: Any) -> None:
     rows = [
         bench.values(*range(first, first + 12, 2), space="hand-get") for first in (1474, 1486, 1498, 1522, 1534, 1546)
@@ -504,7 +502,7 @@ def test_wrist_space_is_empty_outside_its_registers() -> None:
     assert bench.ask("EB 90 01 04 30 E8 03 01 21") == "90 EB 01 04 30 E8 03 00 20"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("serial", "can"),
     [
         pytest.param("EB 90 01 05 31 FC 03 01 01 38", "14FF0001 01 01", id="read-only pitch"),
@@ -529,7 +527,7 @@ def test_impossible_write_changes_nothing(serial: str, can: str) -> None:
     assert CanBench(fault="strict").ask(can) == []
 
 
-@pytest.mark.parametrize("bench", on_both(fault="strict"), ids=["serial", "can"])
+@each_row("bench", on_both(fault="strict"), ids=["serial", "can"])
 def test_limits_of_the_angles_can_be_reached(bench: Any) -> None:
     """wrist §1: yaw ±25.50, pitch -22.66 to 22.12."""
     move(bench, 2550, -2266, 100)
@@ -543,7 +541,7 @@ def test_limits_of_the_angles_can_be_reached(bench: Any) -> None:
 # -- motion ------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+@each_row("bench", on_both(), ids=["serial", "can"])
 def test_both_axes_move_linearly_and_arrive_together(bench: Any) -> None:
     move(bench, 1000, -1000, 1000)
     assert bench.angles() == [-345, 1125]
@@ -558,7 +556,7 @@ def test_both_axes_move_linearly_and_arrive_together(bench: Any) -> None:
     assert bench.angles() == [-1000, 1000]
 
 
-@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+@each_row("bench", on_both(), ids=["serial", "can"])
 def test_movement_without_a_time_takes_700_ms(bench: Any) -> None:
     move(bench, 0, 355)
     bench.wait(0.35)
@@ -637,7 +635,7 @@ def test_many_small_steps_give_what_one_jump_gives() -> None:
     )
 
 
-@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+@each_row("bench", on_both(), ids=["serial", "can"])
 def test_currents_rise_while_it_moves(bench: Any) -> None:
     """1024 and 1026 by different amounts; which one belongs to which actuator is open."""
     move(bench, 0, 0, 1000)
@@ -665,7 +663,7 @@ def test_long_movement_warms_and_rest_cools() -> None:
     assert bench.degrees() == [31, 34]
 
 
-@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+@each_row("bench", on_both(), ids=["serial", "can"])
 def test_blocked_axis_stalls_draws_current_and_sets_bit_0(bench: Any) -> None:
     move(bench, 125, -345, 1000)
     bench.wait(0.5)
@@ -717,7 +715,7 @@ def test_pressing_on_overheats_and_only_cooling_ends_it() -> None:
     assert bench.errors() == [0, 0]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("fault", "errors"),
     [
         ("faults", [1, 4]),
@@ -751,7 +749,7 @@ def test_hot_cools_down_by_itself_and_over_temperature_stays() -> None:
     assert Bench(fault="hot", limit=40).degrees() == [41, 42]
 
 
-@pytest.mark.parametrize(("fault", "dump"), [("block-silent", False), ("no-wrist", False), ("healthy", True)])
+@each_row(("fault", "dump"), [("block-silent", False), ("no-wrist", False), ("healthy", True)])
 def test_whole_dump_may_stay_silent(fault: str, dump: bool) -> None:
     bench, bus = Bench(fault=fault), CanBench(fault=fault)
     assert bool(bench.ask(DUMP)) is dump
@@ -784,7 +782,7 @@ def test_refused_write() -> None:
 # -- id, speed, flash, power -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "result"),
     [
         ({}, "90 EB 01 04 11 ED 03 00 06"),
@@ -820,7 +818,7 @@ def test_id_acts_at_once_and_is_lost_unless_saved() -> None:
     assert failing.ask(PROBE) == PROBE_REPLY
 
 
-@pytest.mark.parametrize("number", [235, 144, 180])
+@each_row("number", [235, 144, 180])
 def test_awkward_ids(number: int) -> None:
     body = bytes([number, 4, 0x30, 0xFC, 3, 2])
     request = (b"\xeb\x90" + body + bytes([sum(body) % 256])).hex(" ").upper()
@@ -875,9 +873,7 @@ def test_triggers_read_back_as_zero() -> None:
     assert bench.ask("00FC4001 01") == ["00FC4001 00"]
 
 
-@pytest.mark.parametrize(
-    "request_", ["04FB0001 02", "04FB4001 02", "04FB8001 02", "04FC4001 02", "04FA8001 03", "04FA0001 FF"]
-)
+@each_row("request_", ["04FB0001 02", "04FB4001 02", "04FB8001 02", "04FC4001 02", "04FA8001 03", "04FA0001 FF"])
 def test_settings_of_the_hand_have_ranges(request_: str) -> None:
     bench = CanBench()
     before = bench.line.command("hand-get 1000 10")
@@ -886,7 +882,7 @@ def test_settings_of_the_hand_have_ranges(request_: str) -> None:
     assert CanBench(fault="strict").ask(request_) == []
 
 
-@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+@each_row("bench", on_both(), ids=["serial", "can"])
 def test_wrist_stays_where_it_is_without_power(bench: Any) -> None:
     move(bench, 125, 655, 1000)
     bench.wait(0.5)
@@ -961,7 +957,7 @@ def test_line_faults_with_chance() -> None:
     assert [stale.ask(PROBE), stale.ask(CURRENTS)] == [PROBE_REPLY, f"{PROBE_REPLY} {CURRENTS_REPLY}"]
 
 
-@pytest.mark.parametrize("fault", ["dribble", "split", "late", "slow"])
+@each_row("fault", ["dribble", "split", "late", "slow"])
 def test_line_faults_that_take_time(fault: str) -> None:
     bench = Bench(fault=fault)
     heard = [bench.ask(PROBE)]
@@ -1031,7 +1027,7 @@ def test_frames_take_turns_and_the_lower_identifier_wins() -> None:
     assert bench.run() == [(pytest.approx((3 * 75 + 83) / 1e6), "10FF0003 A7 FE")]
 
 
-@pytest.mark.parametrize(("identifier", "wins"), [(0x43E, True), (0x43F, True), (0x440, False)])
+@each_row(("identifier", "wins"), [(0x43E, True), (0x43F, True), (0x440, False)])
 def test_standard_frame_takes_the_bus_for_47_bits(identifier: int, wins: bool) -> None:
     """It contends with the reply 10FF0001, whose upper 11 bits are 43F; at equal bits a standard frame wins."""
     bench = CanBench(wire=1)
@@ -1083,7 +1079,7 @@ def test_bus_faults(fault: str, heard: list[str]) -> None:
     assert bench.line.hung_up is (fault == "disconnect")
 
 
-@pytest.mark.parametrize(("fault", "when"), [("late", 0.6), ("slow", 0.020)])
+@each_row(("fault", "when"), [("late", 0.6), ("slow", 0.020)])
 def test_late_frames(fault: str, when: float) -> None:
     bench = CanBench(fault=fault)
     bench.send(CAN_PROBE)
@@ -1297,7 +1293,7 @@ def test_every_line_fault_ends_and_repeats_with_its_seed(fault: str, wire: dict[
 # -- state file, control commands, options -----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("first_bus", "second_bus"), [("serial", "can"), ("can", "serial")])
+@each_row(("first_bus", "second_bus"), [("serial", "can"), ("can", "serial")])
 def test_state_goes_from_wire_to_wire(tmp_path: Path, first_bus: str, second_bus: str) -> None:
     """A movement that was under way goes on; the hand's damage that was not saved is still there until a power cycle."""
     state = tmp_path / "wrist.json"
@@ -1442,7 +1438,7 @@ def test_bad_command(text: str) -> None:
         assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "message"),
     [
         ({"bus": "usb"}, "bus=usb: not one of serial, can"),
@@ -1504,7 +1500,7 @@ ANGLES, STROKES, FORCES, CURRENTS_OF_HAND = (range(first, first + 12, 2) for fir
 RESTING = [921, 933, 945, 969, 957, 981]
 
 
-@pytest.mark.parametrize("bench", on_both(), ids=["serial", "can"])
+@each_row("bench", on_both(), ids=["serial", "can"])
 def test_a_finger_goes_to_its_angle_and_the_others_stay(bench: Any) -> None:
     """Speed 1000 is 1000 units in 0.8 s; the little finger has speed 901 after power-on, so 921 units take 0.818 s."""
     bench.ask(CLOSE_LITTLE if isinstance(bench, Bench) else "05738001 00 00 FF FF FF FF FF FF")

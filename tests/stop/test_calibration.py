@@ -17,6 +17,7 @@ from handctl.model.prompts import Prompts
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.stop.device_access import DeviceAccess
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink, hand_on
 from tests.support.stop import RELEASE
 
@@ -108,9 +109,7 @@ def test_a_calibration_whose_end_was_seen_is_over(locked: None) -> None:
     assert run("exo", "stop", "-p", FAKES["exo"][0], "--json").code == 0
 
 
-@pytest.mark.parametrize(
-    ("seconds", "later", "error"), [(30.0, 1.0, "DeviceRefused"), (30.0, 31.0, ""), (0.0, 0.0, "")]
-)
+@each_row(("seconds", "later", "error"), [(30.0, 1.0, "DeviceRefused"), (30.0, 31.0, ""), (0.0, 0.0, "")])
 def test_without_a_lock_the_same_command_knows_it(seconds: float, later: float, error: str) -> None:
     """Two lines of a batch on a simulated device; it is over when its time is."""
     hand = Hand()
@@ -120,7 +119,7 @@ def test_without_a_lock_the_same_command_knows_it(seconds: float, later: float, 
     assert access.stop("stopped")["error"] == error
 
 
-@pytest.mark.parametrize(("silent", "error"), [(False, "DeviceRefused"), (True, "NoAnswer")])
+@each_row(("silent", "error"), [(False, "DeviceRefused"), (True, "NoAnswer")])
 def test_a_stop_says_that_the_calibration_goes_on(silent: bool, error: str) -> None:
     hand = Hand(silent=silent)
     prompts = Asking(hand)

@@ -21,6 +21,7 @@ from handctl.link import Deadline
 from tests.barrett import support
 from tests.search.interruption import BENCHES, BY_NAME, CASES, cell
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.interruption import Bench
 
 ELSEWHERE = {
@@ -73,7 +74,7 @@ def test_interrupted_and_repeated(tmp_path: Path, name: str, number: int, behind
         bench.stop()
 
 
-@pytest.mark.parametrize("seconds", [0.0, 0.5, 1.0, 1.5, 3.0])
+@each_row("seconds", [0.0, 0.5, 1.0, 1.5, 3.0])
 def test_a_hand_that_is_still_saving_is_found_at_its_own_speed(seconds: float) -> None:
     """It is silent until FSAVE is through; a search of the speeds that goes on meanwhile comes back to the first."""
     _, link = support.simulated()
@@ -109,8 +110,8 @@ def _own_values(node: Node) -> list[Value | None]:
     return [*(argument.value for argument in node.arguments), *shared]
 
 
-@pytest.mark.parametrize("place", ["fsync", "replace"])
-@pytest.mark.parametrize("when", ["before", "behind"])
+@each_row("place", ["fsync", "replace"])
+@each_row("when", ["before", "behind"])
 def test_the_configuration_file_is_the_old_one_or_the_new_one(tmp_path: Path, place: str, when: str) -> None:
     """Ctrl-C where the file is written out and where it takes the place of the old one; the next edit works."""
     config = tmp_path / "config.toml"

@@ -16,6 +16,7 @@ from handctl.screen import render
 from handctl.sim.engine.line_and_faults import Line
 from tests.barrett.commands import fake
 from tests.support.cli import clean_environment, run, wait_until
+from tests.support.each_row import each_row
 from tests.support.person import pressed_at
 
 MOVING = ("barrett", "realtime", "--motors", "1", "--velocity", "30", "--receive", "position", "--timeout", "20")
@@ -155,7 +156,7 @@ def test_a_guide_without_its_terminal_is_silent(monkeypatch: pytest.MonkeyPatch)
     assert not prompts.moving
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@each_row("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_while_the_result_is_shown_changes_nothing(monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     """The command is through: one whole envelope and its own exit code, not none, half a one or two."""
     show = render.show

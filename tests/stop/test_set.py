@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from unittest import mock
 
-import pytest
-
 from handctl.command import connection
 from handctl.link import Deadline, open_link
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 from tests.support.scripted import RecordedLink, changing, hexed
 from tests.support.stop import RELEASE
 
@@ -40,7 +39,7 @@ def pressed(family: str, begin: str, words: Sequence[str]) -> tuple[Result, list
     return result, changing(link.sent)
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("family", "words", "begin", "stop"),
     [
         ("exo", "set position_set.index=900", "EB 90 01 05 12", "EB 90 01 0B 32"),

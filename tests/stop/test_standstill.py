@@ -5,8 +5,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable, Sequence
 
-import pytest
-
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer
 from handctl.model.command_settings import Settings
 from handctl.model.movement import stands_still
@@ -229,7 +227,7 @@ def test_readings_after_a_stop(readings: tuple[int, ...], verdicts: list[bool | 
     assert [looks.judge([one]) for one in readings[1:]] == verdicts
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("before", "now", "held", "still"),
     [
         ([5, 5], [5, 8], [], True),

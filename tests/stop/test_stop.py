@@ -313,7 +313,7 @@ def test_a_late_wrist_that_was_typed_as_a_hand_is_named(latency: float) -> None:
     assert bool(forces) == (latency > 0.06) and all(at >= 0.05 for at in forces) and min(forces, default=0) < 0.06
 
 
-@pytest.mark.parametrize("typed", ["exo", "wrist"])
+@each_row("typed", ["exo", "wrist"])
 def test_silence_is_said_plainly(typed: str) -> None:
     sent: list[Sent] = []
     stopped = exchange_steps(ScriptedLink(), stop_sequence_of(typed, StopContext(Settings())), sent)
@@ -326,7 +326,7 @@ def test_silence_is_said_plainly(typed: str) -> None:
     assert unacknowledged.error is NoAnswer and "did not acknowledge" in unacknowledged.text
 
 
-@pytest.mark.parametrize("latency", [0.06, 0.2, 0.35, 0.45])
+@each_row("latency", [0.06, 0.2, 0.35, 0.45])
 def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
     """Its answer to the forces may come while a late wrist is listened for: it is an answer, and the fingers are held."""
 
@@ -349,7 +349,7 @@ def test_a_late_hand_is_stopped_and_believed(latency: float) -> None:
     assert bytes.fromhex("EB90010B3284038E039803A203AC0345") in link.sent
 
 
-@pytest.mark.parametrize("typed", ["exo", "wrist"])
+@each_row("typed", ["exo", "wrist"])
 def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
     echo = exchange_steps(
         ScriptedLink(lambda request: [(0.001, request)]), stop_sequence_of(typed, StopContext(Settings())), []
@@ -509,7 +509,7 @@ def test_an_ekso_has_no_stop_and_it_is_said() -> None:
     assert result.code == 0 and "The DataPort has no stop" in json.dumps(result.json["messages"])
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@each_row("family", FAMILIES)
 def test_a_dry_run_sends_nothing(family: str) -> None:
     result = run(family, "stop", "--fake", "-n", "--json")
     assert result.code == 0 and result.json["counters"]["sent"] == 0 and result.rows, result

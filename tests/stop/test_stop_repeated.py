@@ -7,13 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import pytest
-
 from handctl.devices.inspire import modbus_frames
 from handctl.errors import DeviceRefused
 from handctl.link import ByteLink, open_link
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, Stopped, exchange_steps, stop_sequence_of
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
 from tests.support.stop import BEYOND, RELEASE, summed
 
@@ -58,8 +57,8 @@ def one_at_a_time(seconds: float) -> Alter:
     return alter
 
 
-@pytest.mark.parametrize("seconds", [0.1, 0.2, 0.25, 0.4, 0.6])
-@pytest.mark.parametrize("family", ["exo", "wrist"])
+@each_row("seconds", [0.1, 0.2, 0.25, 0.4, 0.6])
+@each_row("family", ["exo", "wrist"])
 def test_a_device_that_answers_each_request_late_is_stopped(family: str, seconds: float) -> None:
     """Repetitions of a step must not outrun its answers: each was acknowledged (dossier 4.x: 45 to 200 ms over Bluetooth)."""
     link = through(f"{family}?seed=1", one_at_a_time(seconds))
@@ -112,7 +111,7 @@ def writes_modbus(request: bytes) -> bool:
 SPEED = "hand?model=tp&bus=modbus-tcp"
 
 
-@pytest.mark.parametrize("code", [4, 5, 6])
+@each_row("code", [4, 5, 6])
 def test_an_exception_of_a_hand_that_passes_does_not_end_its_stop(code: int) -> None:
     """Modbus exceptions 04, 05 and 06 are transient (rh56): speed 0 goes out again, and no faster than without a reply."""
     link = through(SPEED, refusing(3, exception(code), writes_modbus))
@@ -147,7 +146,7 @@ def test_a_hand_that_refuses_for_good_was_not_stopped() -> None:
     assert 0.8 < times[-1] - times[0] < 1.1, "each step until it is acknowledged or its second is over"
 
 
-@pytest.mark.parametrize("times", [1, 99])
+@each_row("times", [1, 99])
 def test_a_wrist_that_refuses_its_hold_is_read_and_held_anew(times: int) -> None:
     def refusal(request: bytes) -> bytes:
         return summed(f"90EB0104{request[4:7].hex()}00")
@@ -160,7 +159,7 @@ def test_a_wrist_that_refuses_its_hold_is_read_and_held_anew(times: int) -> None
     assert len(holds) == 2 if times == 1 else 0.8 < link.sent_at[holds[-1]] - link.sent_at[holds[0]] < 1.1, holds
 
 
-@pytest.mark.parametrize(("taken", "error"), [("00", DeviceRefused), ("01", None)])
+@each_row(("taken", "error"), [("00", DeviceRefused), ("01", None)])
 def test_a_hold_of_some_fingers_counts_only_when_it_was_accepted(taken: str, error: type | None) -> None:
     """A finger that reads no position: the others are held by their registers, whose acknowledgement may refuse (exo §2.2.4)."""
     held: list[bytes] = []
@@ -197,7 +196,7 @@ def test_a_cancel_that_is_refused_goes_out_again() -> None:
         assert len(link.sent) == 1 if error is None else 0.8 < link.sent_at[-1] - link.sent_at[0] < 1.1, link.sent_at
 
 
-@pytest.mark.parametrize("times", [1, 99])
+@each_row("times", [1, 99])
 def test_power_that_a_barrett_hand_does_not_switch_off_at_once_is_asked_for_again(times: int) -> None:
     link = through(
         "barrett?initialized=1", refusing(times, lambda request: request + b"\nERR 128\r\n=> ", b"T\r".__eq__)
@@ -207,8 +206,8 @@ def test_power_that_a_barrett_hand_does_not_switch_off_at_once_is_asked_for_agai
     assert [one.step.data for one in sent].count(b"T\r") == (2 if times == 1 else 3)
 
 
-@pytest.mark.parametrize("cut", [1, 3, 6, 9])
-@pytest.mark.parametrize("between", [0.02, 0.08])
+@each_row("cut", [1, 3, 6, 9])
+@each_row("between", [0.02, 0.08])
 def test_a_reply_in_two_pieces_is_one(cut: int, between: float) -> None:
     """A stop over TCP gives its first question 50 ms: the rest of the reply to it then stands before the next one."""
     free = [0.0]

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.command_settings import Settings
@@ -13,6 +11,7 @@ from handctl.model.param import Step
 from handctl.model.stop_repetition import attempts, single_write_stop
 from handctl.model.stop_sequence import Sent, StopContext, exchange_steps, stop_sequence_of, writes_without_replies
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
 from tests.support.stop import BEYOND, RELEASE, summed
 
@@ -25,7 +24,7 @@ def half_deaf(places: str) -> ScriptedLink:
     return ScriptedLink(lambda request: [(0.01, summed(places))] if request == RELEASE else [])
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("places", "last"),
     [(PLACES, "eb90010b3284038e039803a203ac0345"), (BEYOND, "eb90010d12ce0584038e039803a203ffff49")],
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import gc
 from functools import cache
 from pathlib import Path
 
@@ -10,7 +11,14 @@ from pathlib import Path
 @cache
 def tree_of(path: Path) -> ast.Module:
     """Nobody changes it."""
-    return ast.parse(path.read_text(encoding="utf-8"), str(path))
+    collects = gc.isenabled()
+    gc.disable()  # no node of a tree is garbage, and while it grows a collector would go over all of them again and again
+    try:
+        return ast.parse(path.read_text(encoding="utf-8"), str(path))
+    finally:
+        gc.freeze()
+        if collects:
+            gc.enable()
 
 
 @cache

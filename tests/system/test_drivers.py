@@ -14,6 +14,7 @@ from handctl.system.serial_ports import Driver, usb_of
 from handctl.tools import ports
 from handctl.tools.doctor import machine_checks
 from handctl.tools.port_inventory import Machine
+from tests.support.each_row import each_row
 
 
 @pytest.fixture
@@ -55,7 +56,7 @@ def test_other_systems_have_their_own_advice() -> None:
     assert advice.terminal_is_named("darwin")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "usb"),
     [
         (r"USB\VID_1A86&PID_7523\5&1", ("1a86", "7523")),

@@ -10,9 +10,10 @@ from typing import Any
 import pytest
 
 from handctl.system import terminal
+from tests.support.each_row import each_row
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("library", "binding"),
     [("GNU readline", "tab: complete"), ("Importing this module enables libedit", "bind ^I rl_complete")],
 )

@@ -11,11 +11,12 @@ from typing import Any
 import pytest
 
 from handctl.system import serial_ports
+from tests.support.each_row import each_row
 
 WINDOWS = "could not open port 'COM7': {}"
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "number"),
     [
         (WINDOWS.format("FileNotFoundError(2, 'The system cannot find the file specified.', None, 2)"), errno.ENOENT),

@@ -21,6 +21,7 @@ from handctl.model.device_picture import outline_of
 from handctl.model.result import Column, Row, Table
 from handctl.report import html as report_html
 from tests.support.cli import Result, fake, run, spying
+from tests.support.each_row import each_row
 from tests.support.page import Page
 
 SHOWN = {
@@ -211,7 +212,7 @@ def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
     assert (refused.code, refused.error["code"]) == (1, "no-folder")
 
 
-@pytest.mark.parametrize("args", [(), ("--force",)])
+@each_row("args", [(), ("--force",)])
 def test_what_is_no_file_is_never_replaced(args: tuple[str, ...]) -> None:
     refused = taken("exo", Path(os.devnull), *args)
     assert (refused.code, refused.error["code"]) == (2, "no-file")
@@ -263,7 +264,7 @@ def test_a_file_that_appears_meanwhile_stays(tmp_path: Path) -> None:
     assert os.listdir(tmp_path) == ["r.html"]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("kind", "fault", "code"),
     [("exo", "silent", 4), ("wrist", "bad-checksum", 5), ("barrett", "silent", 4), ("ekso", "silent", 4)],
 )

@@ -40,7 +40,7 @@ def test_a_scan_for_one_family_loads_that_one() -> None:
     assert families == {"ekso"}
 
 
-@pytest.mark.parametrize("tool", TOOLS)
+@each_row("tool", TOOLS)
 def test_a_dry_run_of_what_only_reads_is_refused(tool: str) -> None:
     assert run(tool, "-n").code == 2
 

@@ -10,6 +10,7 @@ import pytest
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes
 from handctl.tools.trace_reader import Stamp, TranscriptRow, row_text
 from tests.support.cli import fake, run
+from tests.support.each_row import each_row
 
 ASK, REPLY = "EB 90 01 04 11 C0 05 02 DD", "90 EB 01 05 11 C0 05 2E 02 0C"
 TRACE = f"""# handctl 0.1.0 exo get, /dev/ttyUSB0
@@ -252,7 +253,7 @@ def test_decode_takes_several_frames_and_says_who_sent_them() -> None:
     ]
 
 
-@pytest.mark.parametrize(
+@each_row(
     "words",
     [("exo", "EB 9Z"), ("exo", "11000001#04"), ("glove", "00"), ("exo",), ("exo", ""), ("wrist", "FFFFFFFF#00")],
 )

@@ -137,7 +137,7 @@ def test_old_and_missing_packages() -> None:
         assert doctor.packages().status == "skipped"
 
 
-@pytest.mark.parametrize("python", ["3.10", "3.11", "3.13"])
+@each_row("python", ["3.10", "3.11", "3.13"])
 def test_packages_are_those_of_the_package(python: str) -> None:
     text = (PROJECT / "pyproject.toml").read_text(encoding="utf-8")
     block = text.partition("dependencies = [")[2].partition("]")[0]
@@ -152,24 +152,18 @@ def test_an_old_python() -> None:
         assert (doctor.python().status, doctor.python().evidence) == ("fail", "3.9.1 is too old")
 
 
-@pytest.mark.parametrize(
-    ("now", "status"), [(1_000_000.0, "warning"), (2_000_000_000.0, "ok"), (1_999_950_000.0, "ok")]
-)
+@each_row(("now", "status"), [(1_000_000.0, "warning"), (2_000_000_000.0, "ok"), (1_999_950_000.0, "ok")])
 def test_a_clock_before_the_installation(now: float, status: str) -> None:
     assert doctor.clock(now, 2_000_000_000.0).status == status
 
 
-@pytest.mark.parametrize(
-    ("encoding", "status"), [("utf-8", "ok"), ("UTF8", "ok"), ("ascii", "warning"), (None, "warning")]
-)
+@each_row(("encoding", "status"), [("utf-8", "ok"), ("UTF8", "ok"), ("ascii", "warning"), (None, "warning")])
 def test_locale(encoding: str | None, status: str) -> None:
     with mock.patch.object(doctor.sys, "stdout", mock.Mock(encoding=encoding)):
         assert doctor.locale().status == status
 
 
-@pytest.mark.parametrize(
-    ("columns", "term", "status"), [(80, "xterm", "ok"), (79, "xterm", "warning"), (120, "dumb", "warning")]
-)
+@each_row(("columns", "term", "status"), [(80, "xterm", "ok"), (79, "xterm", "warning"), (120, "dumb", "warning")])
 def test_terminal(columns: int, term: str, status: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", term)
     size = mock.Mock(columns=columns)
@@ -180,7 +174,7 @@ def test_terminal(columns: int, term: str, status: str, monkeypatch: pytest.Monk
         assert doctor.terminal().status == status
 
 
-@pytest.mark.parametrize(("free", "status"), [(10**9, "ok"), (10**8 - 1, "warning"), (10**6, "fail")])
+@each_row(("free", "status"), [(10**9, "ok"), (10**8 - 1, "warning"), (10**6, "fail")])
 def test_room(free: int, status: str, tmp_path: Path) -> None:
     usage = namedtuple("usage", "free")(free)
     with mock.patch.object(doctor.shutil, "disk_usage", lambda _folder: usage):
@@ -291,7 +285,7 @@ def test_can(system: System) -> None:
     assert rows["unasked"][1] == "0 frames of others within 0.3 s"
 
 
-@pytest.mark.parametrize("answered", [True, False])
+@each_row("answered", [True, False])
 def test_an_adapter_that_is_error_passive_next_to_a_device_that_replies(answered: bool) -> None:
     """That nobody acknowledges and that 0 of 5 reads failed cannot both be so: what the flags mean is told by the replies."""
     seen = mock.Mock(answered=answered, series=mock.Mock(failed={}))
@@ -468,7 +462,7 @@ def delay(name: str, seconds: float) -> Check:
     return next(check for check in checks if check.name == "delay")
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("name", "seconds", "status"),
     [
         ("tcp://h:1", 0.044, "warning"), ("tcp://h:1", 0.034, "ok"), ("tcp://h:1", 0.061, "ok"),

@@ -6,7 +6,6 @@ import json
 import re
 
 import click
-import pytest
 
 from handctl import guides
 from handctl.command.command_tree import root
@@ -47,7 +46,7 @@ def test_the_common_options_are_all_explained() -> None:
             assert option.opts[-1] in text and " ".join((option.help or "").split()) in text
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "near"),
     [
         (("lnks",), "'links'"),

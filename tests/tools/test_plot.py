@@ -13,6 +13,7 @@ from handctl.errors import UsageError
 from handctl.screen.csv_output import column_of, of_column
 from handctl.tools.plot import grouped, read
 from tests.support.cli import run
+from tests.support.each_row import each_row
 from tests.support.page import Page
 
 HEADER = "t_s,speed.index_mA,speed.thumb_mA,state,error\r\n"
@@ -81,7 +82,7 @@ def test_a_file_that_grew_by_the_clock(tmp_path: Path) -> None:
     assert [(one.part, one.low, one.high, one.count) for one in found.curves] == [("a", 20, 23, 4), ("b", 20, 23, 4)]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("header", "rows", "code"),
     [
         ("", (), "no-rows"),
@@ -118,7 +119,7 @@ def test_what_every_family_records_is_drawn(family: str, tmp_path: Path) -> None
     assert (tmp_path / "w.svg").read_text(encoding="utf-8").startswith("<svg xmlns")
 
 
-@pytest.mark.parametrize("family", ["exo", "wrist", "barrett", "aidin", "ekso", "hand"])
+@each_row("family", ["exo", "wrist", "barrett", "aidin", "ekso", "hand"])
 def test_a_heading_says_what_it_is_of(family: str) -> None:
     from handctl.model.param import scale_of
 
@@ -152,7 +153,7 @@ def test_two_files_are_above_each_other(tmp_path: Path) -> None:
     assert "thumb" not in re.findall(r"<svg.*?</svg>", text, re.DOTALL)[0]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("more", "exit_code", "code"),
     [
         (("--only", "sped"), 2, "no-column"),
@@ -182,7 +183,7 @@ def test_names_of_one_kind_share_a_picture(tmp_path: Path) -> None:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("low", "high", "found"),
     [(0, 10, [0, 5, 10]), (-3, 3, [-2, 0, 2]), (31, 42, [35, 40]), (7, 7, [7]), (0, 0.9, [0, 0.5])],
 )

@@ -21,6 +21,7 @@ from handctl.report.html import Report, page
 from handctl.report.redaction import Privacy
 from handctl.tools import port_inventory
 from handctl.tools.port_inventory import Chip, Machine, Port
+from tests.support.each_row import each_row
 from tests.support.page import Page
 
 OPEN: ParamMap[Param] = ParamMap("exo", [Param(name="speed", doc="", source="")])
@@ -75,7 +76,7 @@ def test_a_private_row_keeps_its_place_only() -> None:
     assert Privacy(HELD, True).rows([row]) == [row]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "shown"),
     [
         ("pilot 4711 walks; 14711 and 4711.5 not", "pilot redacted walks; 14711 and 4711.5 not"),
@@ -92,7 +93,7 @@ def test_texts_of_a_device_with_private_quantities(text: str, shown: str) -> Non
     assert Privacy(HELD, True).text(text) == text
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "shown"),
     [
         ("/home/alice/x.txt, C:\\Users\\Bob\\y", "/home/(user)/x.txt, C:\\Users\\(user)\\y"),
@@ -100,13 +101,13 @@ def test_texts_of_a_device_with_private_quantities(text: str, shown: str) -> Non
         ("/opt/bench/me/log.txt /opt/bench/meadow", "~/log.txt /opt/bench/meadow"),
     ],
 )
-@pytest.mark.parametrize("keep_ids", [False, True])
+@each_row("keep_ids", [False, True])
 def test_users_and_homes_never_appear(text: str, shown: str, keep_ids: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HOME", "/opt/bench/me")
     assert Privacy(OPEN, keep_ids).text(text) == shown
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("link", "shown"),
     [
         ("usb:0403:6001:A50285BI: busy", "usb:0403:6001:(redacted) busy"),
@@ -218,7 +219,7 @@ def curve(*values: object, decimals: int = 0) -> Curve:
     return found
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("values", "decimals", "text"),
     [
         ((12, 15, 14), 0, "min 12, max 15, last 14"),

@@ -39,7 +39,7 @@ def found(answer: Result) -> list[tuple[object, ...]]:
     return [(row["family"], row["baud"], row["id"]) for row in answer.rows]
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("link", "family", "baud", "device_id"),
     [
         ("fake://exo?", "exo", 115200, 1),
@@ -347,7 +347,7 @@ def test_other_ids_are_looked_for_when_asked() -> None:
     assert found(looked("fake://exo?id=77&clock=virtual", "--id", "77")) == [("exo", 115200, 77)]
 
 
-@pytest.mark.parametrize("text", ["0", "255", "1-", "x", "", ",", "5-1000"])
+@each_row("text", ["0", "255", "1-", "x", "", ",", "5-1000"])
 def test_ids_that_are_none(text: str) -> None:
     answer = run("scan", "-p", "fake://exo?clock=virtual", "--ids", text, "--json")
     assert answer.code == 2
@@ -432,7 +432,7 @@ def test_what_talks_by_itself_is_left_alone() -> None:
     assert line.sent == []
 
 
-@pytest.mark.parametrize(("kind", "ask"), [
+@each_row(("kind", "ask"), [
     ("exo", "EB 90 03 04 11 E8 03 01 04"), ("wrist", "EB 90 03 04 30 FC 03 02 38"),
 ])  # fmt: skip
 def test_another_master_of_a_family_is_named(kind: str, ask: str, tmp_path: Path) -> None:
@@ -453,7 +453,7 @@ def test_a_modbus_line_is_named() -> None:
     assert line.sent == []
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "modbus"),
     [
         ("010303E80001047A", True), ("FF010303E80001047A", True), ("010303E80001047B", False), ("", False),
@@ -487,7 +487,7 @@ def test_a_boot_monitor_gets_nothing() -> None:
     assert (caught.value.code, line.sent) == ("boot-monitor", [])
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("link", "family", "wire"), [("fake://wrist?bus=can", "exo", "CAN"), ("fake://exo?", "aidin", "a serial line")]
 )
 def test_a_family_that_cannot_be_there(link: str, family: str, wire: str) -> None:
@@ -632,7 +632,7 @@ def test_served_simulators_are_named(kind: str, place: tuple[str, ...], baud: in
 # -- beside others, and ended early -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("link", ["tcp://127.0.0.1:{}", "socket://127.0.0.1:{}"])
+@each_row("link", ["tcp://127.0.0.1:{}", "socket://127.0.0.1:{}"])
 def test_a_device_in_use_is_left_alone(link: str) -> None:
     """Another handctl holds it: nothing is sent, not even a connection is made."""
     with socket.create_server(("127.0.0.1", 0)) as server:

@@ -232,7 +232,7 @@ def _hex(line: str) -> list[bytes]:
         return []
 
 
-@pytest.mark.parametrize("text", ["", "1A3", "1A3#DEADBEEF00112233445566"])
+@each_row("text", ["", "1A3", "1A3#DEADBEEF00112233445566"])
 def test_what_is_no_can_frame(text: str) -> None:
     result = run("wrist", "terminal", text or " ", "-p", "fake://wrist?bus=can&clock=virtual")
     assert result.code == UsageError.exit_code

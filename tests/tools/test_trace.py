@@ -118,7 +118,7 @@ BROKEN = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("family", "text", "problem", "meaning"), BROKEN)
+@each_row(("family", "text", "problem", "meaning"), BROKEN)
 def test_a_broken_frame_says_what_it_should_be(family: str, text: str, problem: str, meaning: str) -> None:
     piece = decoded(family, text)
     assert (piece.problem, piece.meaning, piece.frame) == (problem, meaning, False)
@@ -388,7 +388,7 @@ def test_the_family_is_known_by_the_bytes(path: Path) -> None:
 # -- reading ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("comment", "family"),
     [
         ("# handctl 0.1.0 exo dump, fake://exo", "exo"), ("# handctl 0.1.0 wrist status, can:socketcan:can0", "wrist"),
@@ -399,7 +399,7 @@ def test_the_family_of_a_recorded_trace(comment: str, family: str) -> None:
     assert family_in(comment) == family
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("text", "line"),
     [
         ("> EB\n> GG\n", 2),
@@ -419,7 +419,7 @@ def test_a_line_without_end_is_refused_before_it_is_read_whole() -> None:
         list(lines_of(io.StringIO("> " + "EB " * 2_000_000), "f.txt"))
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     [
         "EB 90 01 04", "eb900104", "0xEB, 0x90, 0x01, 0x4", r"\xeb\x90\x01\x04", "EB:90:01:04", "{0xEB,0x90,0x01,0x04}",
@@ -437,9 +437,7 @@ def test_lines_of_a_transcript_say_who_sent_them() -> None:
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "text", ["", "EB 9G", "EB901", "hello", "11000001 [2] 04", "FFFFFFFF#00", "11000001#000102030405060708"]
-)
+@each_row("text", ["", "EB 9G", "EB901", "hello", "11000001 [2] 04", "FFFFFFFF#00", "11000001#000102030405060708"])
 def test_what_is_no_bytes_is_refused(text: str) -> None:
     with pytest.raises(UsageError):
         parse_given(text)

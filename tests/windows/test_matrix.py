@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.syntax import nodes_of
 from tests.windows import excuses, lines
 from tests.windows.__main__ import Tried, tried
 from tests.windows.excuses import Excuse, masked
@@ -143,7 +144,7 @@ def test_every_text_that_is_written_names_its_line_ends() -> None:
         if path.relative_to(source).parts[0] in ("docgen", "newfamily", "build_zipapp.py"):
             continue  # run where handctl is developed
         text = path.read_text(encoding="utf-8")
-        for node in ast.walk(ast.parse(text)) if "open(" in text else ():
+        for node in nodes_of(path) if "open(" in text else ():
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "open" and len(node.args) > 1:
                 mode = node.args[1].value if isinstance(node.args[1], ast.Constant) else ""
                 named = {keyword.arg for keyword in node.keywords}

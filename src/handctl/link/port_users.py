@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -28,17 +28,22 @@ class Process(NamedTuple):
         return f"{self.name} (pid {self.pid})"
 
 
-def processes(root: Path = ROOT) -> Iterator[Process]:
-    """All processes but our own and its forks. Nothing where the system has no /proc."""
-    return (_named(pid, root) for pid in _pids(root))
+def processes(names: Container[str], root: Path = ROOT) -> list[Process]:
+    """All processes of these names but our own and its forks. Nothing where the system has no /proc."""
+    found = (_named(pid, root) for pid in _pids(root))
+    return [process for process in found if process.name in names and _foreign(process.pid, root)]
 
 
-def _pids(root: Path) -> Iterator[int]:
+def _pids(root: Path) -> list[int]:
     try:
-        numbers = sorted(int(entry) for entry in os.listdir(root / "proc") if entry.isdecimal())
+        return sorted(int(entry) for entry in os.listdir(root / "proc") if entry.isdecimal())
     except OSError:
-        return
-    yield from (pid for pid in numbers if root != ROOT or not is_ours(pid))
+        return []
+
+
+def _foreign(pid: int, root: Path) -> bool:
+    """Neither our own process nor a fork of it: asked last, for it reads a file of each process."""
+    return root != ROOT or not is_ours(pid)
 
 
 def _named(pid: int, root: Path) -> Process:
@@ -61,7 +66,8 @@ def holders(device: str, root: Path = ROOT) -> list[Process]:
     found = []
     for pid in _pids(root):
         names = _descriptors(pid, root) or {}
-        if target in names.values() and not (number and _has_master(pid, names, number, root)):
+        held = target in names.values() and not (number and _has_master(pid, names, number, root))
+        if held and _foreign(pid, root):
             found.append(_named(pid, root))
     return found
 
@@ -81,7 +87,7 @@ def handctl_commands(is_there: Callable[[str], bool], root: Path = ROOT) -> Iter
             continue
         words = line.decode("utf-8", "replace").rstrip("\0").split("\0")
         begin = next((at for at, word in enumerate(words[:4]) if _is_handctl(word)), None)
-        if begin is None:
+        if begin is None or not _foreign(pid, root):
             continue
         links = [_value(words, at, ("-p", "--port")) for at in range(begin + 1, len(words))]
         held = (target for target in (_descriptors(pid, root) or {}).values() if held_by_name(target))
@@ -158,7 +164,9 @@ def rivals(link: Link) -> OtherUsers:
     if port := name_of(raw_access.descriptor):
         guard = link.guard.pid if link.guard is not None else None
         names = [one for one in holders(port) if one.pid != guard]
-        return OtherUsers(names, not names and any(_descriptors(pid, ROOT) is None for pid in _pids(ROOT)))
+        return OtherUsers(
+            names, not names and any(_descriptors(pid, ROOT) is None and _foreign(pid, ROOT) for pid in _pids(ROOT))
+        )
     return OtherUsers(_connected(raw_access.descriptor) if IN_SYS else [])
 
 
@@ -172,7 +180,8 @@ def _connected(descriptor: int) -> list[Process]:
     others = {socket for remote, socket in rows if remote == server and socket != ours}
     if server is None or not others:
         return []
-    return [_named(pid, ROOT) for pid in _pids(ROOT) if others & set((_descriptors(pid, ROOT) or {}).values())]
+    found = (pid for pid in _pids(ROOT) if others & set((_descriptors(pid, ROOT) or {}).values()))
+    return [_named(pid, ROOT) for pid in found if _foreign(pid, ROOT)]
 
 
 def _table(name: str) -> Iterator[tuple[str, str]]:

@@ -298,7 +298,7 @@ class Machine:
 
     def port_grabbing_programs(self) -> list[Process]:
         """Running programs that open serial ports by themselves."""
-        return [process for process in processes(self.root) if process.name in GRABBERS]
+        return processes(GRABBERS, self.root)
 
     def stale_locks(self) -> list[tuple[str, int]]:
         """Lock files of ports (UUCP style) whose process is gone: (path, pid)."""

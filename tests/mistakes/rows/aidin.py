@@ -207,7 +207,6 @@ ROWS = (
         "_Drive.run",
         "if blind:",
         "if not blind:",
-        "tests/aidin/test_edges.py::test_three_damaged_objects_in_a_row_end_it_and_two_do_not",
         "tests/aidin/test_currents.py::test_nothing_flows_unless_currents_are_told",
     ),
     mistake(
@@ -244,7 +243,6 @@ ROWS = (
         "stopped_on_error",
         "stopped = hand.stop()",
         'stopped = Stopped("")',
-        "tests/aidin/test_edges.py::test_three_damaged_objects_in_a_row_end_it_and_two_do_not",
         "tests/aidin/test_currents.py::test_nothing_flows_unless_currents_are_told",
     ),
     mistake(

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from handctl.sim import create
+from tests.support.each_row import each_row
 
 ANGLES = 0x01828001  # read from 1546, id 1
 FOUR = struct.pack("<4h", 110, 220, 330, 440)
@@ -27,7 +28,7 @@ class Bus:
         return frames
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("identifier", "data"),
     [
         pytest.param(ANGLES + 1, b"\x08", id="another id"),
@@ -45,7 +46,7 @@ def test_silence(identifier: int, data: bytes) -> None:
     assert sum(bus.line.device.hand.acts.values()) == 0
 
 
-@pytest.mark.parametrize(("ack", "data"), [("count", b"\x02"), ("empty", b"")])
+@each_row(("ack", "data"), [("count", b"\x02"), ("empty", b"")])
 def test_acknowledgement(ack: str, data: bytes) -> None:
     write = 0x05750001
     assert Bus(ack=ack).ask(write, struct.pack("<h", 600)) == [(write, data)]
@@ -65,9 +66,7 @@ def test_speed_code_1_is_500000_here() -> None:
     assert bus.ask(code, b"\x01") == [(code, b"\x01")]
 
 
-@pytest.mark.parametrize(
-    "fault", ["silent", "wrong-id", "truncate", "duplicate", "echo", "late", "twin-id", "no-ack", "strict"]
-)
+@each_row("fault", ["silent", "wrong-id", "truncate", "duplicate", "echo", "late", "twin-id", "no-ack", "strict"])
 def test_faults(fault: str) -> None:
     bus = Bus(fault=fault)
     heard = bus.ask(ANGLES, b"\x08")

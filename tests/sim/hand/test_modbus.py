@@ -155,9 +155,7 @@ def test_a_request_that_comes_in_pieces() -> None:
     assert heard == ANGLES_ARE
 
 
-@pytest.mark.parametrize(
-    ("speaks", "eb90", "modbus"), [("both", True, True), ("eb90", True, False), ("modbus", False, True)]
-)
+@each_row(("speaks", "eb90", "modbus"), [("both", True, True), ("eb90", True, False), ("modbus", False, True)])
 def test_what_is_spoken(speaks: str, eb90: bool, modbus: bool) -> None:
     bench = Bench(speaks=speaks)
     assert (bench.ask(READ_ID) == ID_IS_1) == eb90
@@ -308,7 +306,7 @@ def test_each_client_has_its_own_end_and_the_faults_of_all() -> None:
     assert len(wires.lines) == 2
 
 
-@pytest.mark.parametrize("fault", ["", "two-clients-drop"])
+@each_row("fault", ["", "two-clients-drop"])
 def test_a_second_client(fault: str) -> None:
     wires = Wires("hand", {"fault": fault} if fault else {}, ["modbus-tcp"])
     place = wires

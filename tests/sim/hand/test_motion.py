@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from tests.sim.hand.bench import Bench, write
+from tests.support.each_row import each_row
 
 STROKE, ANGLE, FORCE, CURRENT, ERROR, STATUS, TEMPERATURE = 1534, 1546, 1582, 1594, 1606, 1612, 1618
 ANGLE_SET, FORCE_SET, SPEED_SET = 1486, 1498, 1522
@@ -27,7 +26,7 @@ def test_nothing_moves_until_it_is_told() -> None:
     assert bench.acts() == {}
 
 
-@pytest.mark.parametrize(("model", "full"), [("df", 0.8), ("tp", 0.6)])
+@each_row(("model", "full"), [("df", 0.8), ("tp", 0.6)])
 def test_full_stroke_takes_its_time_at_full_speed(model: str, full: float) -> None:
     bench = hand(model)
     tell(bench, SPEED_SET, *[1000] * 6)
@@ -98,7 +97,7 @@ def test_a_hand_left_at_speed_0_looks_dead() -> None:
     assert bench.bytes_at(ERROR) == [0] * 6
 
 
-@pytest.mark.parametrize(("speed", "grams"), [(25, 400), (1000, 400 + 3354)])
+@each_row(("speed", "grams"), [(25, 400), (1000, 400 + 3354)])
 def test_stops_at_its_force_limit_and_beyond_when_it_is_fast(speed: int, grams: int) -> None:
     bench = hand("tp", object=900, speed=speed)
     tell(bench, ANGLE_SET, *[1000] * 6)
@@ -314,7 +313,7 @@ def test_a_calibration_that_stays_still() -> None:
     assert bench.words(FORCE) == [0] * 6
 
 
-@pytest.mark.parametrize(("model", "place", "status"), [("f1", 1131, 1088), ("dg2", 1301, 1192)])
+@each_row(("model", "place", "status"), [("f1", 1131, 1088), ("dg2", 1301, 1192)])
 def test_emergency_stop_of_the_new_generations(model: str, place: int, status: int) -> None:
     bench = hand(model)
     count = bench.hand.generation.count
@@ -341,7 +340,7 @@ def test_a_stored_action_moves_a_df_at_once() -> None:
     assert bench.bytes_at(2322, 1) == [0], "it clears itself"
 
 
-@pytest.mark.parametrize(("options", "acts"), [({}, {"reserved": 1}), ({"gestures": 1}, {"reserved": 1, "gesture": 1})])
+@each_row(("options", "acts"), [({}, {"reserved": 1}), ({"gestures": 1}, {"reserved": 1, "gesture": 1})])
 def test_1008_moves_with_older_firmware(options: dict[str, int], acts: dict[str, int]) -> None:
     bench = hand(**options)
     bench.ask(write(1008, 3, size=1))

@@ -9,6 +9,7 @@ import pytest
 from handctl.sim import create
 from handctl.sim.hand.register_maps import GENERATIONS
 from tests.sim.hand.bench import Bench, eb90, write
+from tests.support.each_row import each_row
 
 READ_ID = "EB 90 01 04 11 E8 03 01 02"
 SAVE = write(1005, 1, size=1)
@@ -58,7 +59,7 @@ def test_id_acts_at_once_and_is_kept_by_a_save() -> None:
     assert bench.ask(READ_ID) == ""
 
 
-@pytest.mark.parametrize(("options", "number"), [({}, "07"), ({"ack_id": "old"}, "01")])
+@each_row(("options", "number"), [({}, "07"), ({"ack_id": "old"}, "01")])
 def test_who_acknowledges_an_id(options: dict[str, str], number: str) -> None:
     assert Bench(model="df", **options).ask(write(1000, 7, size=1)).startswith(f"90 EB {number}")
 
@@ -99,7 +100,7 @@ def test_speed_code_elsewhere_or_not_kept() -> None:
     assert bench.line.device.speed == 115200
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "result"),
     [
         ({}, SAVED),
@@ -116,7 +117,7 @@ def test_result_of_a_save(options: dict[str, object], result: str) -> None:
     assert (bench.words(1032) == [1, 2, 3, 4, 5, 6]) == ("save-fails" not in options.values())
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "result"),
     [({}, "90 EB 01 04 11 EC 03 00 05"), ({"result_address": 1005}, "90 EB 01 04 11 ED 03 00 06")],
 )
@@ -135,7 +136,7 @@ def test_set_values_that_a_save_keeps_in_one_edition() -> None:
     assert kept == [701, 50]
 
 
-@pytest.mark.parametrize(("option", "kept"), [("flash", False), ("ram", True)])
+@each_row(("option", "kept"), [("flash", False), ("ram", True)])
 def test_factory_reset(option: str, kept: bool) -> None:
     bench = Bench(model="tp", reset=option, id=9, baud=57600, ip="10.0.0.9")
     bench.ask(eb90("12 EE 03 01", 9))
@@ -184,7 +185,7 @@ def test_values_out_of_range_and_gaps() -> None:
     assert strict.ask(write(1056, 1)) == ""
 
 
-@pytest.mark.parametrize(("option", "shown"), [("stored", [-1] * 6), ("kept", [300] * 6)])
+@each_row(("option", "shown"), [("stored", [-1] * 6), ("kept", [300] * 6)])
 def test_minus_one(option: str, shown: list[int]) -> None:
     bench = Bench(model="tp", minus_one=option)
     bench.ask(write(1486, *[300] * 6))
@@ -211,7 +212,7 @@ def test_a_word_write_touches_two_bytes() -> None:
     assert bench.acts()["factory-reset"] == 1
 
 
-@pytest.mark.parametrize("fault", ["refuse", "strict"])
+@each_row("fault", ["refuse", "strict"])
 def test_what_refuses_a_write(fault: str) -> None:
     bench = Bench(model="df", fault=fault)
     answer = bench.ask(write(1486, 2000))
@@ -219,7 +220,7 @@ def test_what_refuses_a_write(fault: str) -> None:
     assert bench.acts() == {}
 
 
-@pytest.mark.parametrize("number", ["00 00", "FD 00"])
+@each_row("number", ["00 00", "FD 00"])
 def test_impossible_counts(number: str) -> None:
     assert Bench(model="df").ask(eb90(f"11 E8 03 {number[:2]}")) == ""
 
@@ -242,7 +243,7 @@ def test_hot_cools_down() -> None:
 # -- books --------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("model", GENERATIONS)
+@each_row("model", GENERATIONS)
 def test_no_two_registers_share_a_byte(model: str) -> None:
     taken: set[int] = set()
     for _, first, size, count, access, low, high in GENERATIONS[model].rows:
@@ -253,13 +254,13 @@ def test_no_two_registers_share_a_byte(model: str) -> None:
         assert low < high
 
 
-@pytest.mark.parametrize("model", GENERATIONS)
+@each_row("model", GENERATIONS)
 def test_every_word_is_one_register(model: str) -> None:
     words = [row[0] for row in GENERATIONS[model].rows]
     assert len(set(words)) == len(words)
 
 
-@pytest.mark.parametrize("model", GENERATIONS)
+@each_row("model", GENERATIONS)
 def test_golden_values_are_all_different(model: str) -> None:
     bench = Bench(model=model)
     words = [
@@ -289,7 +290,7 @@ def test_registers_that_tell_an_f1() -> None:
 # -- options, control, state ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("options", "text"),
     [
         ({"model": "rh56"}, "option model=rh56: not one of df, tp, f1, dg2"),
@@ -306,7 +307,7 @@ def test_options_that_are_refused(options: dict[str, str], text: str) -> None:
         create("hand", options)
 
 
-@pytest.mark.parametrize(
+@each_row(
     "text",
     ["get 9000 1", "set 1000", "temperature thumb 40", "object index 2000", "block nothing", "set 8191 00 00", "fly"],
 )

@@ -15,6 +15,7 @@ from rh56_sdk.driver import RH56Driver
 
 from handctl.sim.engine.serve import send_control
 from tests.support.cli import PATIENCE, Simulator, wait_until
+from tests.support.each_row import each_row
 from tests.support.virtual import Client, Loop
 
 ANYWHERE = "127.0.0.1:0"
@@ -121,7 +122,7 @@ def test_two_hands_with_one_ip_address() -> None:
         assert [angles(loop.open()) for _ in range(4)] == [ANGLES, other] * 2
 
 
-@pytest.mark.parametrize(
+@each_row(
     ("words", "text"),
     [
         ([], "No endpoint given. Give either --pty or --tcp"),

@@ -6,8 +6,6 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-import pytest
-
 from handctl.sim import create
 from tests.sim.hand.bench import TRANSCRIPTS, Bench
 from tests.support.each_row import each_row
@@ -77,7 +75,7 @@ def test_answers_on_a_byte_line(case: Case, piece: int) -> None:
     assert line.take() == b""
 
 
-@pytest.mark.parametrize("case", [case for case in SHOWN if "bus=can" in str(case.sim)], ids=lambda case: case.name)
+@each_row("case", [case for case in SHOWN if "bus=can" in str(case.sim)], ids=lambda case: case.name)
 def test_answers_on_can(case: Case) -> None:
     line = made(case)
     for _, mark, text in case.lines:
