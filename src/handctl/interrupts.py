@@ -269,48 +269,34 @@ def forget(descriptor: int) -> None:
 class handing_over:  # noqa: N801 - a context manager, named as one
     """Delay an interrupt until the chunk is written, unless the reader of the descriptor sleeps.
 
-    So a piece is out and noted, or neither. Other threads than that of the command hear of no wish. Every frame passes here, so
-    it is no generator.
+    So a piece is out and noted, or neither. A stop comes before a `frame` or behind it as well, never between the two halves of
+    sending it: what sends looks in here whether it still may, so no frame that was begun before a stop goes out after it.
+    Other threads than that of the command hear of no wish. Every frame passes here, so it is no generator.
     """
 
-    __slots__ = ("_descriptor", "_ours")
+    __slots__ = ("_descriptor", "_frame", "_ours")
 
-    def __init__(self, descriptor: int = -1) -> None:
+    def __init__(self, descriptor: int = -1, *, frame: bool = False) -> None:
         self._descriptor = descriptor
         self._ours = _state.handing is None and get_ident() == _state.thread
+        self._frame = frame and self._ours
 
     def __enter__(self) -> None:
         if self._ours:
             _state.handing = self._descriptor
+            _state.sending = self._frame
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         if not self._ours:
             return
+        _state.sending = False
         _state.handing = None
-        if kind is None and _state.kept:
-            _state.kept = False
-            raise KeyboardInterrupt
-
-
-class sending(handing_over):  # noqa: N801 - a context manager, named as one
-    """The same around a frame that goes out: a stop comes before it or behind it, never between the two halves of sending it.
-
-    What sends looks in here whether it still may, so no frame that was begun before a stop goes out after it.
-    """
-
-    __slots__ = ()
-
-    def __enter__(self) -> None:
-        super().__enter__()
-        _state.sending = _state.sending or self._ours
-
-    def __exit__(self, kind: type[BaseException] | None, *more: object) -> None:
-        if self._ours:
-            _state.sending = False
         try:
-            super().__exit__(kind, *more)
+            if kind is None and _state.kept:
+                _state.kept = False
+                raise KeyboardInterrupt
         finally:
-            while self._ours and _state.behind_frame:
+            while self._frame and _state.behind_frame:
                 _state.behind_frame.pop(0)()
 
 

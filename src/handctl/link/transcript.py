@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 from handctl import interrupts
 from handctl.errors import LinkError, OutputError, UsageError
 from handctl.files import at_once, has_content, writing
-from handctl.interrupts import handing_over, sending
+from handctl.interrupts import handing_over
 from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
 
 L = TypeVar("L", bound=Link)
@@ -207,7 +207,7 @@ def _whole(link: Link) -> AbstractContextManager[None]:
     raw_access = link.raw_access()
     if raw_access is None and not (link.fake or link.replayed):
         return nullcontext()
-    return sending(raw_access.descriptor if raw_access is not None else -1)
+    return handing_over(raw_access.descriptor if raw_access is not None else -1, frame=True)
 
 
 class TraceWriter:
