@@ -1,4 +1,4 @@
-"""Wording of messages: capital and full stop, plurals, times as text, spelling slips."""
+"""Wording of messages: capital and full stop, plurals, bytes and times as text, spelling slips."""
 
 from __future__ import annotations
 
@@ -25,6 +25,12 @@ def sentence(text: str) -> str:
     if ordinary and not text.startswith(f"{word}, line "):
         text = reworded(text, text[0].upper() + text[1:])
     return reworded(text, text + ".") if _open(text) else text
+
+
+def frame_text(data: bytes, can_id: int | None) -> str:
+    """Bytes as the field writes them: ``EB 90 01 …``, or ``15038001 [4] E8 03 18 FC`` on CAN."""
+    text = data.hex(" ").upper()
+    return text if can_id is None else f"{can_id:08X} [{len(data)}] {text}".rstrip()
 
 
 def plural(number: int, noun: str) -> str:

@@ -29,7 +29,7 @@ OF_OTHERS = {
     "tools/port_problems.py": {"--reload"},
 }
 """Options of other programs that a text names: pytest, our own tests, mypy, udevadm."""
-IN_CODE = ("docgen/", "report/html.py", "charts/curves.py", "charts/cycles.py")
+IN_CODE = ("docgen/", "report/html.py", "charts/curves.py", "devices/ekso/gait_page.py")
 """Strings there are programs of shells, and styles."""
 FILES = {"pyz", "exe"}
 

@@ -12,7 +12,6 @@ from statistics import mean
 
 import pytest
 
-from handctl.charts.cycles import Band, bands, histogram, timeline
 from handctl.devices.ekso.gait import (
     ALONE,
     HOLE,
@@ -27,6 +26,7 @@ from handctl.devices.ekso.gait import (
     curve,
     walk_in,
 )
+from handctl.devices.ekso.gait_page import Band, bands, histogram, timeline
 from tests.ekso.walks import RATE, Made, Plan, walk
 from tests.support.cli import run
 from tests.support.each_row import each_row

@@ -34,6 +34,24 @@ Check = Callable[[Any], Any]
 
 DEVICE_KEYS = ("port", "facts", "id", "baud", "timeout", "deadline", "retries")
 """What a named device may say beside its kind, and what `families` has for its family; port must be there."""
+NAME_HELP = "letters, digits, - and _"
+
+
+def is_name(text: object) -> bool:
+    """Whether a device may have this name: it must fit into a shell word and a bare TOML key."""
+    return (
+        isinstance(text, str)
+        and bool(text)
+        and text.isascii()
+        and text.replace("-", "a").replace("_", "a").isalnum()
+        and not text.startswith("-")
+    )
+
+
+def check_name(name: str) -> None:
+    """Raises UsageError for a name that no device may have."""
+    if not is_name(name):
+        raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
 
 
 class Entry(NamedTuple):
@@ -233,8 +251,6 @@ class _Book:
             raise self.wrong(place, f"{key} = {shown}: {exc}", "correct that line") from exc
 
     def device(self, name: str, table: Any) -> Device:
-        from handctl.command.device_names import NAME_HELP, is_name
-
         place = ("devices", name)
         if not is_name(name):
             raise self.wrong(place, f"{name!r} cannot be the name of a device", f"allowed: {NAME_HELP}")

@@ -10,7 +10,7 @@ from typing import Any
 from handctl.errors import LinkError
 from handctl.fast_classes import NamedTuple
 from handctl.system import clock
-from handctl.wording import plural
+from handctl.wording import frame_text, plural
 
 
 class Deadline:
@@ -45,7 +45,7 @@ class CanFrame(NamedTuple):
     data: bytes
 
     def __str__(self) -> str:
-        return f"{self.can_id:08X} [{len(self.data)}] {self.data.hex(' ').upper()}".rstrip()
+        return frame_text(self.data, self.can_id)
 
 
 STALE_READS = 1000

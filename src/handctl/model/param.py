@@ -13,7 +13,7 @@ from typing import Generic, TypeVar
 from handctl.errors import HandctlError, Hint, UsageError
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
 from handctl.number_parsing import number_in, typed_number
-from handctl.wording import plural
+from handctl.wording import frame_text, plural
 
 Number = int | float
 
@@ -380,9 +380,8 @@ class Step(NamedTuple):
 
     @property
     def wire(self) -> str:
-        """The bytes as the field writes them: ``EB 90 01 …``, or ``15038001 [4] E8 03 18 FC`` on CAN."""
-        text = self.data.hex(" ").upper()
-        return text if self.can_id is None else f"{self.can_id:08X} [{len(self.data)}] {text}".rstrip()
+        """Its bytes as text."""
+        return frame_text(self.data, self.can_id)
 
 
 class ValueChange(NamedTuple):

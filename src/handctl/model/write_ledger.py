@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from handctl.fast_classes import NamedTuple
 from handctl.model.frame_decoder import Decoder, frames_in
+from handctl.wording import frame_text
 
 if TYPE_CHECKING:
     from handctl.model.param import Step
@@ -343,7 +344,7 @@ class Ledger:
     def _row(self, write: Write) -> dict[str, Any]:
         state, frame = self._state(write), write.frame
         row: dict[str, Any] = {
-            "bytes": shown(frame.data, frame.can_id),
+            "bytes": frame_text(frame.data, frame.can_id),
             "meaning": write.meaning or frame.meaning or self._meaning(frame),
             "state": state,
             "next": frame.next or write.words.next(frame.data, frame.can_id)
@@ -353,7 +354,7 @@ class Ledger:
         if write.evidence:
             row["evidence"] = write.evidence
         if write.count > 1:
-            row |= {"count": write.count, "last": shown(write.last, frame.can_id)}
+            row |= {"count": write.count, "last": frame_text(write.last, frame.can_id)}
         return row
 
     def _meaning(self, frame: Frame) -> str:
@@ -389,9 +390,3 @@ def _lines(row: dict[str, Any]) -> list[str]:
     why = f" ({row['evidence']})" if row.get("evidence") and row["state"] != CONFIRMED else ""
     line = f"  {row['step']}  {IN_WORDS[row['state']]}{why}: {row['meaning'] or 'bytes'}{times}: {cut}"
     return [line, *([f"     Next: {row['next']}"] if row["next"] else [])]
-
-
-def shown(data: bytes, can_id: int | None) -> str:
-    """Bytes as a plan shows them (`param.Step.wire`)."""
-    text = data.hex(" ").upper()
-    return text if can_id is None else f"{can_id:08X} [{len(data)}] {text}".rstrip()

@@ -16,7 +16,7 @@ import click
 
 from handctl.command import config_edit
 from handctl.command.command_tree import Group
-from handctl.command.config import DEVICE_KEYS, Config, Device, read_config
+from handctl.command.config import DEVICE_KEYS, Config, Device, check_name, read_config
 from handctl.command.config_edit import stable_name
 from handctl.command.family import Family
 from handctl.command.invocation import refuse_serial, resolve
@@ -91,10 +91,7 @@ def add(run: Run, name: str, family: str | None, scanned: str | None, force: boo
 
     Saves the family and, if given, --port, --id, --baud, --timeout, --deadline and --retries. Does not contact the device.
     """
-    from handctl.command.device_names import NAME_HELP, is_name
-
-    if not is_name(name):
-        raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
+    check_name(name)
     given = _given(run)
     if scanned is not None:
         text = (

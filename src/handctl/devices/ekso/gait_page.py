@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from math import floor, log10
 from typing import Any, NamedTuple
 
 from handctl import __version__
-from handctl.charts.curves import escape
-from handctl.charts.cycles import STYLE, Band, bands, histogram, timeline
+from handctl.charts.curves import STYLE as CURVE_STYLE
+from handctl.charts.curves import Box, escape, moment, ticks, times
 from handctl.devices.ekso.gait import SIDES, Walk, curve
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.model.result import Grid, Table
@@ -22,6 +23,18 @@ MOST_REFUSED = 200
 NOT_A_DIAGNOSIS = (
     "The figures describe the recording. They are not a diagnosis. Strides are found from the foot pressures; "
     "the device's State word is not used, because its codes for walking are not known."
+)
+WIDE, HIGH, LEFT, TOP, FOOT = 400, 210, 52, 30, 34
+"""A picture of curves or of a histogram, and the room around what is drawn."""
+LONG, ROW, NAME = 960, 24, 52
+"""A timeline: its width, a row, the room for the name of a row."""
+MOST_BINS = 25
+WARM = (1, 0, 3, 4, 5, 6, 7)
+"""Tones of what is refused: no green."""
+STYLE = CURVE_STYLE + (
+    ".cycles{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,24rem),1fr));gap:.6rem}"
+    ".cycles polygon,.cycles rect{stroke:none}polygon{fill-opacity:.16}.second{stroke-dasharray:6 3}polyline{stroke-width:1.8}"
+    "rect.second{fill-opacity:.55}.well{fill:var(--line,#d4d9df)}"
 )
 
 
@@ -163,3 +176,146 @@ def _grid(figures: Table) -> Grid:
     )
     right = frozenset(at for at, column in enumerate(columns) if column.right)
     return Grid(tuple(column.title for column in columns), lines, right=right)
+
+
+# -- pictures of what repeats: curves over its cycle with their deviation, a histogram, a timeline -------------------
+
+
+class Band(NamedTuple):
+    """One curve: mean and deviation at equal steps from the begin of the cycle to its end."""
+
+    name: str
+    points: Sequence[tuple[float, float]]
+
+
+def bands(title: str, curves: Sequence[Band]) -> str:
+    """Curves over the cycle; "" where there is none."""
+    drawn = [(tone, band) for tone, band in enumerate(curves) if band.points]
+    if not drawn:
+        return ""
+    low = min(mean - spread for _, band in drawn for mean, spread in band.points)
+    high = max(mean + spread for _, band in drawn for mean, spread in band.points)
+    room = (high - low) / 20 or 1.0
+    box = Box(LEFT, TOP, WIDE - LEFT - 20, HIGH - TOP - FOOT, 100, low - room, high + room)
+    pieces = _values(box)
+    for tone, (_, points) in drawn:
+        step = 100 / max(1, len(points) - 1)
+        upper = [f"{box.x(at * step):.1f},{box.y(mean + spread):.1f}" for at, (mean, spread) in enumerate(points)]
+        lower = [f"{box.x(at * step):.1f},{box.y(mean - spread):.1f}" for at, (mean, spread) in enumerate(points)]
+        middle = " ".join(f"{box.x(at * step):.1f},{box.y(mean):.1f}" for at, (mean, _) in enumerate(points))
+        pieces.append(f'<polygon class="c{tone}" points="{" ".join([*upper, *reversed(lower)])}"/>')
+        pieces.append(f'<polyline class="c{tone}{_second(tone)}" points="{middle}"/>')
+    pieces += [_below(box, box.x(at), f"{at} %") for at in (0, 20, 40, 60, 80, 100)]
+    told = "; ".join(f"{band.name} {_ends(band.points)}" for _, band in drawn)
+    return _picture(title, [band.name for band in curves], pieces, told)
+
+
+def histogram(title: str, unit: str, groups: Sequence[tuple[str, Sequence[float]]], fine: float) -> str:
+    """How often which value came, in bins no finer than `fine` that begin at round values, an empty one at each end; "" without values."""
+    values = [value for _, group in groups for value in group]
+    if not values:
+        return ""
+    sizes = (fine * step * 10**power for power in range(9) for step in (1, 2, 5))
+    size = next(size for size in sizes if max(values) - min(values) <= MOST_BINS * size + 1e-9)
+    first = floor(min(values) / size + 1e-6) - 1
+    bins = floor(max(values) / size + 1e-6) - first + 2
+    counts = [[0] * bins for _ in groups]
+    for number, (_, group) in enumerate(groups):
+        for value in group:
+            counts[number][floor(value / size + 1e-6) - first] += 1
+    most = max(map(max, counts))
+    box = Box(LEFT, TOP, WIDE - LEFT - 20, HIGH - TOP - FOOT, bins * size, 0, most)
+    pieces = _values(box)
+    broad = box.width / bins / len(groups)
+    for number, group_counts in enumerate(counts):
+        for at, count in enumerate(group_counts):
+            if count:
+                x, y = box.x(at * size) + number * broad, box.y(count)
+                pieces.append(
+                    f'<rect class="c{number}{_second(number)}" x="{x:.1f}" y="{y:.1f}" width="{max(1, broad - 1):.1f}" '
+                    f'height="{box.top + box.height - y:.1f}"><title>{count} from {(first + at) * size:.3f} {escape(unit)}</title></rect>'
+                )
+    digits = max(0, -floor(log10(size))) if size < 1 else 0
+    for at in range(0, bins, max(1, -(-bins // 6))):
+        pieces.append(_below(box, box.x(at * size), f"{(first + at) * size:.{digits}f}"))
+    told = "; ".join(f"{name} {len(group)}" for name, group in groups)
+    return _picture(f"{title} [{unit}]", [name for name, _ in groups], pieces, told, bars=True)
+
+
+def timeline(title: str, rows: Sequence[tuple[str, Sequence[tuple[float, float, str]]]], reasons: Sequence[str], begin: float, end: float) -> str:  # fmt: skip
+    """Rows of (from, to, reason), "" = nothing was wrong; a colour for each reason."""
+    seconds = end - begin
+    box = Box(NAME, 6, LONG - NAME - 14, len(rows) * ROW, seconds, 0, 1)
+    pieces = []
+    for number, (name, spans) in enumerate(rows):
+        top = box.top + number * ROW
+        pieces.append(f'<text class="small end" x="{NAME - 6}" y="{top + 15}">{escape(name)}</text>')
+        for first, last, why in _joined(spans, seconds / box.width):
+            x = box.x(first - begin)
+            tone = _tone(reasons.index(why)) if why else "well"
+            said = f"{why}: {first:.2f} s to {last:.2f} s" if why else f"counted, {first:.2f} s to {last:.2f} s"
+            pieces.append(
+                f'<rect class="{tone}" x="{x:.1f}" y="{top}" width="{max(1.0, box.x(last - begin) - x - 0.5):.1f}" '
+                f'height="{ROW - 6}"><title>{escape(said)}</title></rect>'
+            )
+    pieces += [_below(box, box.x(t), moment(t, seconds)) for t in times(seconds)]
+    height = box.top + box.height + 22
+    legend = "".join(
+        f'<svg viewBox="0 0 10 10" style="display:inline-block;width:.7em;height:.7em" aria-hidden="true">'
+        f'<rect class="{tone}" width="10" height="10"/></svg> {escape(why)} &nbsp; '
+        for tone, why in [("well", "counted"), *((_tone(at), why) for at, why in enumerate(reasons))]
+    )
+    return (
+        f'<p class="note">{legend}</p>\n<div class="scroll"><svg viewBox="0 0 {LONG} {height:g}" role="img" '
+        f'aria-label="{escape(title)}">{"".join(pieces)}</svg></div>\n'
+    )
+
+
+def _joined(spans: Sequence[tuple[float, float, str]], pixel: float) -> list[tuple[float, float, str]]:
+    """The spans; of those narrower than some pixels neighbours of one kind become one, so that a page of hours stays small."""
+    found: list[tuple[float, float, str]] = []
+    for first, last, why in spans:
+        if found and found[-1][2] == why and first - found[-1][1] < pixel and last - first < 3 * pixel:
+            found[-1] = (found[-1][0], last, why)
+        else:
+            found.append((first, last, why))
+    return found
+
+
+def _tone(reason: int) -> str:
+    return f"c{WARM[reason % len(WARM)]}"
+
+
+def _second(tone: int) -> str:
+    """Every other curve is broken: paper may have no colours."""
+    return " second" if tone % 2 else ""
+
+
+def _ends(points: Sequence[tuple[float, float]]) -> str:
+    means = [mean for mean, _ in points]
+    return f"{min(means):.4g} to {max(means):.4g}"
+
+
+def _values(box: Box) -> list[str]:
+    pieces = []
+    for value in ticks(box.low, box.high, 4):
+        y = box.y(value)
+        pieces.append(f'<path class="axis" d="M{box.left} {y:.1f}H{box.left + box.width}"/>')
+        pieces.append(f'<text class="small end" x="{box.left - 5}" y="{y + 4:.1f}">{value:.6g}</text>')
+    return pieces
+
+
+def _below(box: Box, x: float, text: str) -> str:
+    return f'<text class="small mid" x="{x:.1f}" y="{box.top + box.height + 15:.1f}">{escape(text)}</text>'
+
+
+def _picture(title: str, names: Sequence[str], pieces: Sequence[str], told: str, bars: bool = False) -> str:
+    x = 14 + 8 * len(title)
+    head = [f'<text class="head" x="0" y="16">{escape(title)}</text>']
+    for tone, name in enumerate(names):
+        shape = f'rect x="{x}" y="6" width="22" height="11"' if bars else f'path stroke-width="3" d="M{x} 12h22"'
+        head.append(f'<{shape} class="c{tone}{_second(tone)}"/>')
+        head.append(f'<text x="{x + 26}" y="16">{escape(name)}</text>')
+        x += 42 + 7 * len(name)
+    label = escape(f"{title}: {told}")
+    return f'<figure><svg viewBox="0 0 {WIDE} {HIGH}" role="img" aria-label="{label}">{"".join((*head, *pieces))}</svg></figure>\n'

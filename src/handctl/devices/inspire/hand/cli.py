@@ -523,12 +523,10 @@ def _links(run: Run, links: Sequence[str]) -> tuple[str, str | None]:
 
 def _check_names(names: dict[str, str], force: bool) -> None:
     """Whether these names can be given, before anything moves. Raises UsageError."""
-    from handctl.command.config import read_config
-    from handctl.command.device_names import NAME_HELP, is_name
+    from handctl.command.config import check_name, read_config
 
     for name in names.values():
-        if not is_name(name):
-            raise UsageError(f"{name!r} cannot be the name of a device", hint=f"allowed: {NAME_HELP}")
+        check_name(name)
     if names["left"] == names["right"]:
         raise UsageError("both hands would have the same name", hint="give --left and --right different names")
     taken = [name for name in names.values() if name in read_config().devices]
