@@ -123,7 +123,6 @@ class Connection:
     def _open(self, run: Invocation, name: str, baud: int | None, listening: bool) -> Link:
         """The LINK `name`, at `baud` if nothing else was asked for. Raises UsageError, LinkError."""
         family = run.family
-        assert family is not None
         opening = partial(
             open_link,
             name,
@@ -174,13 +173,11 @@ def refuse_rivals(run: Invocation, link: Link) -> None:
 
 def _device(run: Invocation) -> tuple[str, int]:
     """Family and id of the device of this run, as a `StopPlan` has them."""
-    assert run.family is not None
     number = run.settings.id if run.opened is None else run.opened.stop_context().number
     return run.family.kind, 1 if number is None else number
 
 
 def _named(run: Invocation, kind: str, number: int) -> str:
-    assert run.family is not None
     return f"{kind} id {number}" if run.family.ids else kind
 
 
@@ -311,7 +308,6 @@ class Session:
     def _key(run: Invocation) -> Hashable:
         """What must be equal for a link to serve two commands, of whatever family: it need not be closed while something moves."""
         family, settings = run.family, run.settings
-        assert family is not None
         speed, in_use = settings.baud or family.baud, settings.fake and run.in_use
         return run.link_name(), speed, family.tcp_port, settings.trace, settings.verbose, in_use
 

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 def device_row(run: Invocation) -> dict[str, Any] | None:
     """`device` of the envelope; None where a command has no device."""
-    if run.family is None:
+    if not run.family.kind:
         return None
     link = run.link
     name = (
@@ -115,7 +115,7 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
 def explained_error(run: Invocation, error: HandctlError) -> HandctlError:
     """The error as it is told: whose bytes came, or why nobody answered, as far as the family knows."""
     error = renamed(run, error)
-    explain_silence = run.family.explain_silence if run.family is not None else None
+    explain_silence = run.family.explain_silence
     silent = error.exit_code in (4, 5) and run.journal.counters.received == 0
     if run.opened is None or explain_silence is None or not silent or run.settings.baud is not None:
         return error
@@ -127,7 +127,7 @@ def explained_error(run: Invocation, error: HandctlError) -> HandctlError:
 
 def renamed(run: Invocation, error: HandctlError) -> HandctlError:
     """The error, or whose bytes came instead of an answer, or the command that finds out who is there."""
-    if run.family is None or error.exit_code not in (4, 5):
+    if not run.family.kind or error.exit_code not in (4, 5):
         return error
     from handctl.model import other_family_bytes
 

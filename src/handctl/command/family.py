@@ -53,6 +53,10 @@ class Family(NamedTuple):
     checks: Callable[[Any], Table] | None = None
 
 
+NO_FAMILY = Family("", lambda *_: None)
+"""That of a command which belongs to none."""
+
+
 def opener(device: Callable[[Any], Any], line: Callable[..., Any]) -> Callable[[Any, Settings, Journal], Any]:
     """The `open` of a family whose line takes what the options of everybody say, and no more."""
     from handctl.model.device import limits_of

@@ -45,7 +45,7 @@ def meant(run: Run, params: ParamMap[Any], names: Sequence[str]) -> ParamMap[Any
     """
     unknown = [name for name in names if not _knows(params, name)]
     family = run.family
-    others = family.other_maps(run.settings) if family is not None and family.other_maps is not None else ()
+    others = family.other_maps(run.settings) if family.other_maps is not None else ()
     if run.settings.dry_run or not unknown or not any(all(_knows(other, name) for name in unknown) for other in others):
         return params
     device: Device = run.device()

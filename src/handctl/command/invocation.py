@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from handctl.command.family import Family, in_words, load, on_can, wire_in
+from handctl.command.family import NO_FAMILY, Family, in_words, load, on_can, wire_in
 from handctl.command.options import (
     COMMAND_LINE,
     ENVIRONMENT,
@@ -80,7 +80,7 @@ class Invocation:
     ) -> None:
         self.context = ctx
         self.settings = settings
-        self.family = family
+        self.family = family or NO_FAMILY
         self.command = " ".join(words_of(ctx))
         self.said = command_line(ctx)
         self.sources = self.said.sources
@@ -115,14 +115,13 @@ class Invocation:
 
     def mapped(self, params: ParamMap[Any]) -> ParamMap[Any]:
         """The map of the device that is meant."""
-        own = self.family.map_of if self.family is not None else None
+        own = self.family.map_of
         return own(self.settings) if own is not None else params
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""
         from handctl.link import NoFrames, NoLink
 
-        assert self.family is not None
         refuse_other_family(self)
         link = NoFrames() if on_can(self.settings) else NoLink()
         return self.family.open(link, self.settings, self.journal)
@@ -133,25 +132,25 @@ class Invocation:
 
         refuse_other_family(self)
         port, wire = self.settings.port, self.settings.wire
-        kind = self.family.kind if self.family is not None else ""
+        kind = self.family.kind
         if port and not port.startswith("replay:"):
-            if is_can(port) and (self.family is None or "can" not in self.family.wires):
+            if is_can(port) and "can" not in self.family.wires:
                 raise UsageError(
                     f"{port}: this device has no CAN interface",
                     hint="give a serial port, usb:VID:PID or tcp://HOST:PORT",
                 )
-            if wire is not None and self.family is not None and wire_in(self.family, port) != wire:
+            if wire is not None and kind and wire_in(self.family, port) != wire:
                 raise UsageError(
                     f"--{wire} does not fit {port}", hint="leave it out: the LINK already selects the wire"
                 )
-            if self.family is not None:
+            if kind:
                 refuse_serial(self.family, port)
         if port:
             return port
         if self.settings.fake:
             return self._simulated()
         where = "-p LINK (`handctl ports` lists the serial ports, -p tcp://HOST:PORT is a TCP device)"
-        if self.family is not None and self.family.tcp_port is not None and not self.family.wires:
+        if self.family.tcp_port is not None and not self.family.wires:
             where = f"-p tcp://HOST (port {self.family.tcp_port} when not given)"
         raise UsageError(
             "no device given",
@@ -162,11 +161,11 @@ class Invocation:
     def _simulated(self) -> str:
         """The LINK of plain --fake: the simulator of the family on the wire that was asked for."""
         family, wire = self.family, self.settings.wire
-        said = [family.simulated(self.settings)] if family is not None and family.simulated is not None else []
-        if family is not None and wire is not None and wire != family.wires[0]:
+        said = [family.simulated(self.settings)] if family.simulated is not None else []
+        if family.kind and wire is not None and wire != family.wires[0]:
             said.append(f"bus={wire}")
         text = "&".join(filter(None, said))
-        return f"fake://{family.kind if family is not None else ''}{'?' if text else ''}{text}"
+        return f"fake://{family.kind}{'?' if text else ''}{text}"
 
     @property
     def keeps(self) -> bool:
@@ -188,7 +187,7 @@ class Invocation:
         """Where the LINK leads, the same for all names of one port."""
         from handctl.link.device_lock import canonical
 
-        return canonical(self.link_name(), self.family.tcp_port if self.family is not None else None)
+        return canonical(self.link_name(), self.family.tcp_port)
 
     @property
     def shares_line(self) -> bool:
@@ -201,14 +200,14 @@ class Invocation:
         except UsageError:
             return False
         ports = [one.entries["port"].value for one in devices if "port" in one.entries]
-        tcp_port = self.family.tcp_port if self.family is not None else None
+        tcp_port = self.family.tcp_port
         return sum(canonical(port, tcp_port) == self.place for port in ports) > 1
 
     @property
     def ledger(self) -> Ledger:
         """The writes that this command planned, and their results."""
         ledger = self.journal.ledger
-        if self.writes and ledger.words is None and self.family is not None:
+        if self.writes and ledger.words is None and self.family.kind:
             from functools import partial
 
             ledger.words = load(self.family.kind, "write_rules").words()
@@ -245,7 +244,7 @@ def check_before(run: Invocation) -> None:
         refuse(run.command)
     if run.settings.append or run.settings.time:
         _check_columns(run)
-    if run.family is not None:
+    if run.family.kind:
         refuse_lacking(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
         if run.family.check is not None:
             run.family.check(run.settings)
@@ -337,7 +336,7 @@ def _check_named_device(run: Invocation) -> None:
 def refuse_other_family(run: Invocation) -> None:
     """Raise UsageError where the name of the device says another family than the command."""
     kind = run.settings.kind
-    if kind is None or run.family is None or kind == run.family.kind:
+    if not run.family.kind or kind in (None, run.family.kind):
         return
     name = run.settings.device
     raise UsageError(

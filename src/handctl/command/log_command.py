@@ -92,7 +92,6 @@ def log(
     `reading` opens a log of the family, where its columns are not those of `RowsLayout`: with --check nothing is recorded.
     """
 
-    assert run.family is not None
     if wishes.check:
         from handctl.command import export_command
         from handctl.record.log_reader import LogFile
@@ -159,7 +158,6 @@ def log(
 
 def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, int | None]:
     """The name that was given, the file that is going to be made, and the number of its trial. Raises UsageError for what `log` cannot do."""
-    assert run.family is not None
     if wishes.lsl:
         from handctl.record import lsl
 
@@ -172,7 +170,7 @@ def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, i
 
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
     """The named quantities of the device, or those that change by themselves; `every` = all that it says unasked."""
-    if names and run.family is not None and run.family.map_of is None:
+    if names and run.family.map_of is None:
         select(run.planner().map, tuple(names))  # a wrong name is told before the link is opened
     device = run.device()
     if every:

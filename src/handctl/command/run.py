@@ -226,7 +226,6 @@ class Run(Invocation):
         if before is not None and before.link is link and before.again(self.journal):
             self.opened = before
             return before
-        assert self.family is not None
         if self.writes:
             settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
         opened = self.family.open(link, settings, self.journal)
@@ -468,7 +467,7 @@ class Run(Invocation):
         """Let go of the link, unless the next command of a session can use it."""
         for other in self.others:
             failure = other.close(failure)
-        if (access := self.connection.device_access) is not None and self.family is not None and self._met(failure):
+        if (access := self.connection.device_access) is not None and self.family.kind and self._met(failure):
             access.remember(self)
         table = self.outcome.table
         ended = failure or (table.failure if self.stops and table is not None else None)
@@ -492,7 +491,7 @@ class Run(Invocation):
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""
         failure = self.stopped or failure or self.connection.trace.failure
-        writes = {"writes": self.ledger.rows()} if self.writes and self.family is not None else {}
+        writes = {"writes": self.ledger.rows()} if self.writes and self.family.kind else {}
         more = {**(extra or {}), **writes}
         return make_envelope(self.command, failure, device_row(self), self.journal, more, self.link)
 

@@ -105,7 +105,7 @@ def counted(params: ParamMap[Any], names: Sequence[str]) -> str:
 
 def snapshot(run: Run, path: str) -> Table:
     """Write settings and set-points to a file, atomically; the only file that it replaces is an older snapshot of this kind."""
-    check_target(path, run.family.kind if run.family is not None else "")
+    check_target(path, run.family.kind)
     device: Device = run.device()
     identity = device.identity()
     values = read_values(device, device.map.kept(further=device.further(identity)))

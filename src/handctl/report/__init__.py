@@ -175,7 +175,7 @@ class Visit:
 
     def checks(self) -> Table | None:
         """What its family finds by looking deeper, reading alone; None where it has nothing of the kind."""
-        checks = self.run.family.checks if self.run.family is not None else None
+        checks = self.run.family.checks
         found = self.attempt("checks", lambda: checks(self.run)) if checks is not None else None
         if found is not None:
             self.show("checks", found)
@@ -215,7 +215,7 @@ class Visit:
     def _explain_silence(self) -> None:
         """Whether a device that never answered is there in another way (another speed), as every command would say."""
         run = self.run
-        explain_silence = run.family.explain_silence if run.family is not None else None
+        explain_silence = run.family.explain_silence
         if not self.problems or run.opened is None or explain_silence is None or run.settings.baud is not None:
             return
         part, error = self.problems[-1]
@@ -284,7 +284,6 @@ def report(run: Run, params: ParamMap[Any], path: str, wishes: RequestedOptions)
     refuse(path, wishes.force)
     visit = Visit(run, params, wishes)
     run.in_use = True
-    assert run.family is not None
     opening, tap = (
         run.family.open,
         TraceWriter(visit.record),

@@ -129,7 +129,6 @@ class Record:
     def __init__(self, run: Run, count: int | None, duration: float | None, *, find: bool) -> None:
         """Opens the link. Raises UsageError, LinkError."""
         self._run, self._most, self._find = run, count, find
-        assert run.family is not None
         self._reader = Listener(run.family.kind)
         self._link = link = run.open_link(listening=find)
         self._can = link if isinstance(link, FrameLink) else None
@@ -151,7 +150,6 @@ class Record:
         """The rates to try, that of the LINK first. Raises UsageError where the link has none, or cannot only listen."""
         from handctl.tools.family_probe import BITRATES, has_speed, probe_of
 
-        assert self._run.family is not None
         if self._can is not None:
             given = self._can.bitrate or BITRATES[0]
             if self._can.only_listen(given) is None:

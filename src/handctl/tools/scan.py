@@ -82,7 +82,6 @@ def cli(run: Run, links: tuple[str, ...], families: tuple[str, ...], ids: str | 
 
 def scan_family(run: Run, ids: str | None, find_all: bool) -> Table:
     """The same for the family of `run`; of a link that was named it is that of the run, which a session may have open."""
-    assert run.family is not None
     settings, family = run.settings, run.family
     if not (settings.port or settings.fake):
         return _scanned(run, (family.kind,), [], ids, find_all)

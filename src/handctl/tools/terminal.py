@@ -68,7 +68,6 @@ class Keyboard:
     """Typed lines -> what they would send. Sends nothing."""
 
     def __init__(self, run: Run, *, as_hex: bool) -> None:
-        assert run.family is not None
         self._planner = run.planner()
         self._kind, self._can = run.family.kind, on_can(run.settings)
         self._end: bytes | None = None if as_hex or self._can else self._planner.line_end
@@ -130,7 +129,6 @@ class Conversation:
 
     def __init__(self, run: Run, wait: float, show: Callable[[Row], None]) -> None:
         """Opens the link. Raises UsageError, LinkError."""
-        assert run.family is not None
         self._run, self._wait, self._show = run, wait, show
         self._reader = TranscriptReader(run.family.kind)
         self.told: list[TranscriptRow] = []
@@ -226,7 +224,8 @@ class Conversation:
         refused = next((piece for piece in came if piece.problem == "refused"), None)
         if refused is not None:
             return DeviceRefused(
-                f"{where}: {refused.meaning}", hint=Hint("{} shows the state of the device", f"{self._kind} status")
+                f"{where}: {refused.meaning}",
+                hint=Hint("{} shows the state of the device", f"{self._run.family.kind} status"),
             )
         missing = next((one.unanswered for one in self.told if one.unanswered is not None), None)
         if not came:
@@ -236,11 +235,6 @@ class Conversation:
             return None
         code = "echo" if all(piece.problem == "echo" for piece in came) else "garbage"
         return ProtocolError(f"{where}: what came is no valid reply to: {missing.meaning}", hint=hint, code=code)
-
-    @property
-    def _kind(self) -> str:
-        assert self._run.family is not None
-        return self._run.family.kind
 
     def __enter__(self) -> Conversation:
         return self

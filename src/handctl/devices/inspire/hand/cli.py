@@ -571,7 +571,7 @@ class _Bench:
         run = self._run
         if run.opened is None:
             run.device()
-        assert run.family is not None and run.link is not None
+        assert run.link is not None
         settings = run.settings._replace(id=number) if number is not None else run.settings
         hand: Hand = run.family.open(run.link, settings, run.journal)
         return hand
