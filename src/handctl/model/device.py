@@ -727,13 +727,7 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
 
 
 def _values(device: Device, elements: Sequence[Element]) -> list[Number]:
-    values = []
-    for reading in device.read(elements):
-        if reading.error is not None:
-            raise reading.error
-        assert reading.value is not None
-        values.append(reading.value)
-    return values
+    return [reading.required for reading in device.read(elements)]
 
 
 def pending_table(waiting: Sequence[PendingMove]) -> Changes:

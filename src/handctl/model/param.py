@@ -365,6 +365,14 @@ class Reading(NamedTuple):
     raw: bytes = b""
     error: HandctlError | None = None
 
+    @property
+    def required(self) -> Number:
+        """The value. Raises why it could not be read."""
+        if self.error is not None:
+            raise self.error
+        assert self.value is not None
+        return self.value
+
 
 class Step(NamedTuple):
     """One write of a plan: the exact bytes, what they do in words, and whether they move or strand the device.

@@ -253,11 +253,7 @@ class BarrettHand(Device):
 
     def numbers(self, elements: Sequence[Element]) -> list[int]:
         """The values of these, in their order. Raises why one of them could not be read."""
-        found = self.read(elements)
-        for reading in found:
-            if reading.error is not None:
-                raise reading.error
-        return [int(reading.value or 0) for reading in found]
+        return [int(reading.required) for reading in self.read(elements)]
 
     def by_name(
         self, *names: str, motors: Collection[int] = range(4), dispensable: Collection[str] = ()
@@ -270,9 +266,7 @@ class BarrettHand(Device):
         for reading in self.read(BARRETT.elements(*names, motors=motors)):
             if isinstance(reading.error, NotPresent) and gcl_name(reading.element) in dispensable:
                 continue
-            if reading.error is not None:
-                raise reading.error
-            found[self.row(reading)["parameter"], reading.element.part] = int(reading.value or 0)
+            found[self.row(reading)["parameter"], reading.element.part] = int(reading.required)
         return found
 
     def _read_numbers(self, elements: Sequence[Element]) -> list[Reading]:

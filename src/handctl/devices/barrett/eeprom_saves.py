@@ -33,11 +33,7 @@ def _whole(entry: object) -> bool:
 def present(hand: BarrettHand) -> dict[str, int]:
     """All settings of this firmware as they are in RAM, by full name. Raises why one of them could not be read."""
     elements = BARRETT.elements(*(param.mnemonic for param in standard() if param.writable))
-    found = hand.present(hand.read(elements))
-    for reading in found:
-        if reading.error is not None:
-            raise reading.error
-    return {reading.element.full_name: int(reading.value or 0) for reading in found}
+    return {reading.element.full_name: int(reading.required) for reading in hand.present(hand.read(elements))}
 
 
 def last_saved(hand: BarrettHand, *, simulated: bool) -> dict[str, int]:

@@ -107,11 +107,8 @@ def _reply_time(device: RegisterDevice) -> Observation:
 
 def _sign(names: tuple[str, ...], device: RegisterDevice) -> Observation:
     """Of words that the manual prints without a sign: one above 32767 is a negative number."""
-    readings = device.read([element for name in names for element in device.own_map()[name].each])
-    for one in readings:
-        if one.error is not None:
-            raise one.error
-    values = [int(one.value or 0) for one in readings]
+    elements = [element for name in names for element in device.own_map()[name].each]
+    values = [int(one.required) for one in device.read(elements)]
     told = f"{' '.join(names)}: {' '.join(map(str, values))}"
     return Observation(
         "signed" if min(values) < 0 else None, told if min(values) < 0 else f"{told}: none is below 0 now"

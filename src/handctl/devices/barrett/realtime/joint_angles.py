@@ -86,9 +86,7 @@ def clutches(hand: BarrettHand, motors: Sequence[int]) -> Angles:
                 "this firmware does not report whether a clutch has let go, so joint_outer is empty. joint_inner is correct as long as the clutch holds (barrett §9.5)",
             )
             return Angles()
-        if reading.error is not None:
-            raise reading.error
-        gone[reading.element.index][gcl_name(reading.element)] = int(reading.value or 0)
+        gone[reading.element.index][gcl_name(reading.element)] = int(reading.required)
     broken = {index: at["BP"] for index, at in gone.items() if at["BD"]}
     told = ", ".join(f"{MOTORS[index]} at {place}" for index, place in broken.items())
     hand.journal.info(

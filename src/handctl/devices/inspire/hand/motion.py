@@ -43,9 +43,6 @@ def fit_to_move(hand: Hand) -> Before:
     hand.identify()
     names = (*MOVED.values(), "force_limit", "speed_set", "error", "status", "temperature")
     readings = hand.read([element for name in names for element in hand.map[name].each])
-    for reading in readings:
-        if reading.error is not None:
-            raise reading.error
     against = [text for reading in readings if (text := _against(reading))]
     if against:
         raise CheckFailed(
@@ -58,7 +55,7 @@ def fit_to_move(hand: Hand) -> Before:
 
 def _against(reading: Reading) -> str:
     """What of a reading forbids a movement, in words."""
-    name, value, part = reading.element.param.name, int(reading.value or 0), reading.element.part
+    name, value, part = reading.element.param.name, int(reading.required), reading.element.part
     if name == "error" and value:
         return f"{part} reports {reading.element.param.label(value)}"
     if name == "status" and value in NO_MOVE_STATUS:
