@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from functools import lru_cache
 
 from handctl.errors import reworded, typed
@@ -25,6 +26,11 @@ def sentence(text: str) -> str:
     if ordinary and not text.startswith(f"{word}, line "):
         text = reworded(text, text[0].upper() + text[1:])
     return reworded(text, text + ".") if _open(text) else text
+
+
+def some(texts: Sequence[str], most: int = 4, joint: str = ", ", last: str = " and") -> str:
+    """The first of several, and how many more there are."""
+    return joint.join(texts[:most]) + (f"{last} {len(texts) - most} more" if len(texts) > most else "")
 
 
 def frame_text(data: bytes, can_id: int | None) -> str:

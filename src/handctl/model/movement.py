@@ -31,6 +31,7 @@ from handctl.fast_classes import NamedTuple
 from handctl.model.param import Number
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row
+from handctl.wording import some
 
 REACHED, CONTACT, SHORT, UNMOVED, ASTRAY, BLOCKED, MOVING, NO_SPEED, UNREAD = (
     "reached", "contact", "short", "unmoved", "astray", "blocked", "moving", "no-speed", "unread",
@@ -391,8 +392,7 @@ def by_whom(arrival: Arrival, told: Number | None) -> Arrival:
 
 def listed(arrivals: Sequence[Arrival]) -> str:
     """What became of these axes, a few of them in full."""
-    more = f" and {len(arrivals) - SHOWN} more" if len(arrivals) > SHOWN else ""
-    return "; ".join(map(str, arrivals[:SHOWN])) + more
+    return some([*map(str, arrivals)], SHOWN, "; ")
 
 
 def marked(row: Row, arrival: Arrival | None) -> Row:

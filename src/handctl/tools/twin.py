@@ -27,6 +27,7 @@ from handctl.model.facts_file import read as read_facts
 from handctl.model.result import Cell, Column, Grid, RoundTrips, Row, Table
 from handctl.tools.trace import MOST_DIFFERENCES, Exchange, changes, compare, exchanges, family_option
 from handctl.tools.trace_reader import CASE, TranscriptLine, TranscriptReader, TranscriptRow, chosen, lines_of, opened
+from handctl.wording import some
 
 SIMULATOR = "fake://"
 PATIENCE = 2.0
@@ -407,5 +408,4 @@ def _listed(twin: Comparison) -> list[Grid]:
 def _told(row: Row, side: str) -> str:
     """An answer in words; of one whose values differ only those."""
     values = [f"{change['name']} {change[side]}" for change in row.get("changes", ())]
-    more = f" and {len(values) - SHOWN_VALUES} more" if len(values) > SHOWN_VALUES else ""
-    return ", ".join(values[:SHOWN_VALUES]) + more or row[side] or "–"
+    return some(values, SHOWN_VALUES) or row[side] or "–"

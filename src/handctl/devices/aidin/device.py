@@ -12,7 +12,7 @@ from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_o
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback_guard import NO_NOISE, OBJECTS, OLD
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, Out, encode
-from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, MODES, AidinParam, Mode, some
+from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, MODES, AidinParam, Mode
 from handctl.devices.aidin.stopper import ENDS, FLOWED, PAUSE, flow
 from handctl.errors import Aftermath, HandctlError, Hint, LinkError, ProtocolError
 from handctl.model.device import Device
@@ -23,7 +23,7 @@ from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Finding, Grid, Row, Table
 from handctl.model.stop_on_interrupt import interrupt_error, on_early_end
 from handctl.model.stop_sequence import StopContext, Stopped
-from handctl.wording import plural
+from handctl.wording import plural, some
 
 SLACK = 0.01
 """Share of a range by which a value may be outside: encoders and angles jitter at the stops."""
@@ -125,8 +125,7 @@ class AidinHand(Device):
         """What is wrong with each key, each said once."""
         errors = {taken.error.text: taken.error for taken in failed if taken.error is not None}
         first = next(iter(errors.values()))
-        more = f", and {len(errors) - MOST_ERRORS} more" if len(errors) > MOST_ERRORS else ""
-        return ProtocolError("; ".join(list(errors)[:MOST_ERRORS]) + more, hint=first.hint, code=first.code)
+        return ProtocolError(some(list(errors), MOST_ERRORS, "; ", ", and"), hint=first.hint, code=first.code)
 
     def status(self, check: bool) -> Table:
         """The same, looked at: values out of their range, how the hand speaks. With `check`, unhealthy is exit 7."""

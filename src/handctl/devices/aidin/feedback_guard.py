@@ -13,9 +13,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import degrees, inf
 
-from handctl.devices.aidin.parameter_map import AIDIN, LARGEST_RADIAN, AidinParam, some
+from handctl.devices.aidin.parameter_map import AIDIN, LARGEST_RADIAN, AidinParam
 from handctl.errors import CheckFailed, Hint
 from handctl.model.param import Number
+from handctl.wording import some
 
 Numbers = tuple[Number, ...]
 

@@ -25,7 +25,7 @@ from handctl.devices.aidin.device import (
 from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
-from handctl.devices.aidin.parameter_map import AIDIN, MOTOR_POS, STILL, AidinParam, Mode, moving, some, stroke
+from handctl.devices.aidin.parameter_map import AIDIN, MOTOR_POS, STILL, AidinParam, Mode, moving, stroke
 from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 from handctl.errors import Aftermath, CheckFailed, Hint, Interrupted, NoAnswer, UsageError, joined
 from handctl.families import FAMILIES
@@ -33,6 +33,7 @@ from handctl.model.param import Number
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.model.stop_on_interrupt import on_early_end
+from handctl.wording import some
 
 HOLD = 3.5
 """Seconds of homing: the documented 3 and a reserve."""

@@ -39,7 +39,6 @@ from handctl.devices.aidin.parameter_map import (
     Mode,
     Target,
     both_ranges,
-    some,
 )
 from handctl.errors import Aftermath, CheckFailed, Hint, NoAnswer, UsageError
 from handctl.model import movement
@@ -60,6 +59,7 @@ from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import Stopped
 from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
+from handctl.wording import some
 
 RADIAN_STEP = 1e-6
 COUPLED = "q4"

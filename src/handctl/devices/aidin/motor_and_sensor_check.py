@@ -21,13 +21,13 @@ from handctl.devices.aidin.exchange import Wire, values_of
 from handctl.devices.aidin.exchange_settings import PERIOD, ExchangeMode
 from handctl.devices.aidin.homing_and_bias import AT_STOP, check_homed, named
 from handctl.devices.aidin.motion import PUSHING, Goal, ramp
-from handctl.devices.aidin.parameter_map import AIDIN, ENCODERS, FINGERS, LARGEST_RADIAN, STILL, moving, some, stroke
+from handctl.devices.aidin.parameter_map import AIDIN, ENCODERS, FINGERS, LARGEST_RADIAN, STILL, moving, stroke
 from handctl.errors import CheckFailed, Hint, reworded
 from handctl.model.check_rows import FAIL, OK, SKIPPED, WARNING, Check, table_of
 from handctl.model.param import Number, Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Table
-from handctl.wording import plural
+from handctl.wording import plural, some
 
 MOTORS, CURRENT, JOINTS, SENSORS = (AIDIN[name] for name in ("motor_pos", "current_state", "joint_pos", "sensor_state"))
 AMOUNT = 0.04

@@ -229,11 +229,6 @@ def moving(before: Sequence[Number] | None, now: Sequence[Number]) -> list[int]:
     return [i for i, (a, b) in enumerate(zip(before, now, strict=True)) if abs(b - a) > stroke(i) * STILL]
 
 
-def some(texts: Sequence[str], most: int = 4) -> str:
-    """The first of several, and how many more there are."""
-    return ", ".join(texts[:most]) + (f" and {len(texts) - most} more" if len(texts) > most else "")
-
-
 @fast_dataclass(frozen=True)
 class Target:
     """A kind of target: its mode, what is commanded and what shows that it was reached.

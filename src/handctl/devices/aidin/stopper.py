@@ -12,7 +12,7 @@ from contextlib import suppress
 from handctl.devices.aidin.exchange_settings import PERIOD
 from handctl.devices.aidin.feedback_guard import NO_NOISE, OLD, Liveness
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, encode, numbers
-from handctl.devices.aidin.parameter_map import CURRENTS, FEEDBACK, MOTOR_POS, Mode, moving, some
+from handctl.devices.aidin.parameter_map import CURRENTS, FEEDBACK, MOTOR_POS, Mode, moving
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
@@ -28,6 +28,7 @@ from handctl.model.stop_sequence import (
     not_seen_again,
     silence,
 )
+from handctl.wording import some
 
 Counts = tuple[int, ...]
 

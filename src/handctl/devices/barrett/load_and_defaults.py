@@ -16,7 +16,7 @@ from handctl.devices.barrett.parameter_map import check_careful, standard
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint
 from handctl.model.param import Element
 from handctl.model.result import Table
-from handctl.wording import plural
+from handctl.wording import plural, some
 
 NAMED = 6
 """Values that a message names."""
@@ -112,5 +112,4 @@ def _of(command: str, values: Mapping[str, int]) -> dict[str, int]:
 
 
 def _list(names: Sequence[str]) -> str:
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    return f": {', '.join(names[:NAMED])}{more}" if names else ""
+    return f": {some(names, NAMED)}" if names else ""

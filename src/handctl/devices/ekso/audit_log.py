@@ -27,6 +27,7 @@ from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import clash, in_turn, opened, state_path
 from handctl.model.result import Journal
 from handctl.system import disk, file_locks, user_folders
+from handctl.wording import some
 
 TURN_SECONDS = 0.2
 """No longer is another writer waited for, who may be stopped in the middle: CancelAction waits for its entry."""
@@ -406,11 +407,10 @@ def check_whole_log(audit: AuditLog, journal: Journal) -> HandctlError | None:
             f"{audit.path}: {checked.chained} entries, none was edited, removed or moved.{older} Entries removed from the end would not be noticed",
         )
         return None
-    places = list(finding_texts(checked))
-    more = f", and {len(places) - MOST_TOLD} more" if len(places) > MOST_TOLD else ""
+    places = some(list(finding_texts(checked)), MOST_TOLD, "; ", ", and")
     return write_checks.refusal(
         write_checks.EDITED,
-        f"{audit.path}: the audit log was changed after it was written: {'; '.join(places[:MOST_TOLD])}{more}.{older}",
+        f"{audit.path}: the audit log was changed after it was written: {places}.{older}",
         "find out who has access to the file, and compare it with a backup. If you move the log away, a new one starts",
     )
 

@@ -44,7 +44,7 @@ from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.model.stop_on_interrupt import ended_by_interrupt
-from handctl.wording import plural
+from handctl.wording import plural, some
 
 USUAL = ("firmware", "status", "can_move", "parameters", "over_temperature_limit", "temperature", "odometer", "strain")
 """The checks after `communication`, in the order of their rows."""
@@ -155,8 +155,7 @@ def parameters(patient: ExaminedHand) -> list[Finding]:
         if (param := BARRETT.by_mnemonic(name)).writable
         and value != param.default_of(MOTORS.index(motor) if motor else 0)
     ]
-    more = f" and {len(changed) - 12} more" if len(changed) > 12 else ""
-    shown = f"{plural(len(changed), 'setting')} changed from the factory values: {', '.join(changed[:12])}{more}"
+    shown = f"{plural(len(changed), 'setting')} changed from the factory values: {some(changed, 12)}"
     shown = shown if changed else "all settings have their factory values"
     absent = [name for name, error in values.errors.items() if isinstance(error, NotPresent)]
     if absent and values:

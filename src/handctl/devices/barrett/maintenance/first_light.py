@@ -46,6 +46,7 @@ from handctl.model.proofs import (
     carry_out,
 )
 from handctl.model.result import Row
+from handctl.wording import some
 
 ATTENDED, ALONE = 60.0, 5.0
 """Seconds in which the power must come on: somebody was asked to switch it on, or nobody was."""
@@ -151,8 +152,7 @@ def _settings(hand: BarrettHand) -> Observation:
         return Observation("harmful", "; ".join(harmful[:3]))
     absent = [name for name, error in once.errors.items() if isinstance(error, NotPresent)]
     missing = f". Not on this firmware: {', '.join(absent)}" if absent else ""
-    told = f"changed: {', '.join(changed[:8])}{f' and {len(changed) - 8} more' if len(changed) > 8 else ''}"
-    text = told if changed else f"{len(written)} values, all read alike twice"
+    text = f"changed: {some(changed, 8)}" if changed else f"{len(written)} values, all read alike twice"
     return Observation("changed" if changed else "factory values", text + missing)
 
 
