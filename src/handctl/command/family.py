@@ -43,13 +43,13 @@ class Family(NamedTuple):
     wires: tuple[str, ...] = ()
     tcp_port: int | None = None
     ids: bool = False
-    check: Callable[[Settings], object] | None = None
+    check: Callable[[Settings], object] = lambda _settings: None
     recall: Callable[[str], int | None] | None = None
     holds_back: Callable[[str], str] | None = None
     map_of: Callable[[Settings], ParamMap[Any]] | None = None
-    simulated: Callable[[Settings], str] | None = None
+    simulated: Callable[[Settings], str] = lambda _settings: ""
     speeds: tuple[int, ...] = ()
-    other_maps: Callable[[Settings], Sequence[ParamMap[Any]]] | None = None
+    other_maps: Callable[[Settings], Sequence[ParamMap[Any]]] = lambda _settings: ()
     checks: Callable[[Any], Table] | None = None
 
 

@@ -44,8 +44,7 @@ def meant(run: Run, params: ParamMap[Any], names: Sequence[str]) -> ParamMap[Any
     Then the device is asked which kind it is. A dry run asks nobody.
     """
     unknown = [name for name in names if not _knows(params, name)]
-    family = run.family
-    others = family.other_maps(run.settings) if family.other_maps is not None else ()
+    others = run.family.other_maps(run.settings)
     if run.settings.dry_run or not unknown or not any(all(_knows(other, name) for name in unknown) for other in others):
         return params
     device: Device = run.device()

@@ -161,7 +161,7 @@ class Invocation:
     def _simulated(self) -> str:
         """The LINK of plain --fake: the simulator of the family on the wire that was asked for."""
         family, wire = self.family, self.settings.wire
-        said = [family.simulated(self.settings)] if family.simulated is not None else []
+        said = [family.simulated(self.settings)]
         if family.kind and wire is not None and wire != family.wires[0]:
             said.append(f"bus={wire}")
         text = "&".join(filter(None, said))
@@ -246,8 +246,7 @@ def check_before(run: Invocation) -> None:
         _check_columns(run)
     if run.family.kind:
         refuse_lacking(run.family, [key for key, source in run.sources.items() if source == COMMAND_LINE])
-        if run.family.check is not None:
-            run.family.check(run.settings)
+        run.family.check(run.settings)
 
 
 def _tell_unused(run: Invocation) -> None:

@@ -119,9 +119,6 @@ def _positional(argument: Argument) -> list[str]:
         return ["assignments: Mapping[str, Value | Sequence[Value]] | Sequence[str] | str"]
     if argument.variadic:
         return [f"*{argument.name}: {'Value | Mapping[str, Value]' if argument.pairs else 'str'}"]
-    if param.nargs > 1:
-        names = [word.lower().replace("-", "_") for word in str(getattr(param, "metavar", "")).split()]
-        return [*(f"{name}: {_scalar(param)}" for name in names), "/"]
     kind = "Value" if param.type is click.STRING else _scalar(param)
     return [f"{argument.name}: {kind}" + ("" if param.required else " | None = None")]
 

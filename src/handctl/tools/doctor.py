@@ -288,8 +288,7 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
             Family("unknown", _no_device, 115200, wires=WIRES, ids=True, tcp_port=port) for port in usual_ports()
         ]
     run.family = families[0]
-    if run.family.check is not None:
-        run.family.check(run.settings)
+    run.family.check(run.settings)
     name = run.link_name()
     yield from port_checks(machine, name)
     run.prompts.progress(f"{name}: opening")

@@ -84,7 +84,7 @@ def checksum(body: bytes) -> int:
 
 
 def check_id(device_id: int) -> None:
-    """Refuse ids that the manual does not define: 1..254 (exo §2.3.1). Raises UsageError."""
+    """Refuse ids that the manual does not define: 1..254 (exo §2.3.1, rh56 §3.1). Raises UsageError."""
     if device_id not in IDS:
         raise UsageError(f"id {device_id} is not valid", hint="use an id from 1 to 254. Nothing was sent.")
 

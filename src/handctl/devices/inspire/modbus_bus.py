@@ -117,7 +117,6 @@ class ModbusBus(ByteBus):
     spaces: ClassVar = {"hand": (modbus_frames.READ, modbus_frames.WRITE_MANY)}
 
     usual = "hand"
-    check_id = staticmethod(modbus_frames.check_unit)
 
     def __init__(self, link: ByteLink, device_id: int, journal: Journal, *, tcp: bool, **more: Any) -> None:
         super().__init__(link, device_id, journal, **more)

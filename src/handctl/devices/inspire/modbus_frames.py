@@ -95,12 +95,6 @@ def crc(body: bytes) -> bytes:
     return _crc()(body).to_bytes(2, "little")
 
 
-def check_unit(unit: int) -> None:
-    """Refuse units that no hand has: 1..254 (rh56 §3.1). Raises UsageError."""
-    if unit not in eb90.IDS:
-        raise UsageError(f"id {unit} is not valid", hint="use an id from 1 to 254 (rh56 §3.1). Nothing was sent.")
-
-
 def _check(address: int, words: int, most: int) -> None:
     if not 1 <= words <= most:
         raise UsageError(

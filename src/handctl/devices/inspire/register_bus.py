@@ -329,6 +329,7 @@ class ByteBus(RegisterBus):
     """A wire of bytes: what the serial line and a connection have in common."""
 
     link: ByteLink
+    check_id = staticmethod(eb90.check_id)
     _rest = b""
     """What came behind the last accepted frame: perhaps a frame that the device sends by itself."""
     _empty = False

@@ -204,7 +204,6 @@ class SerialBus(ByteBus):
     spaces: ClassVar = {"hand": (eb90.READ, eb90.WRITE), "wrist": (eb90.WRIST_READ, eb90.WRIST_WRITE)}
 
     usual = "exo"
-    check_id = staticmethod(eb90.check_id)
     only_reads = staticmethod(eb90.only_reads)
     _fresh = 0
     _short = False
