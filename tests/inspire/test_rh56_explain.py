@@ -133,6 +133,17 @@ def test_our_own_question_that_comes_back() -> None:
     assert found[0].asks == found[2].answers != "" == found[1].answers
 
 
+@each_row(("frame", "fields"), [
+    ("01 03 06 0A 00 06 E5 42", ["unit", "function", "address, count", "CRC"]),
+    ("01 06 05 F2 E8 03 26 F4", ["unit", "function", "address, count", "speed_set.little", "CRC"]),
+    ("00 05 00 00 00 06 FF 03 06 A4 00 02", ["header", "function", "address, count"]),
+])  # fmt: skip
+def test_modbus_field_by_field(frame: str, fields: list[str]) -> None:
+    (piece,) = explainer().feed(HOST, bytes.fromhex(frame))
+    assert [part.name for part in piece.parts] == fields
+    assert b"".join(part.raw for part in piece.parts) == piece.raw
+
+
 def test_a_recorded_trace_names_the_generation(tmp_path: Path) -> None:
     """Without a look at the states too: what is typed is recorded."""
     trace = tmp_path / "trace.txt"
