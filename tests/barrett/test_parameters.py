@@ -7,7 +7,7 @@ import pytest
 from handctl.devices.barrett.parameter_map import BARRETT, SPEEDS, GclParam, check_careful, standard
 from handctl.devices.barrett.status_and_parameter_views import audit
 from handctl.errors import UsageError
-from handctl.model.param import Element
+from handctl.model.param import Element, scale_of
 from tests.barrett.support import changes, elements, simulated
 from tests.support.each_row import each_row
 
@@ -325,7 +325,9 @@ def test_other_nonsense_stays_nonsense(text: str) -> None:
     assert "whole number" in caught.value.text and "cts/sample" not in caught.value.hint
 
 
-@each_row("param", [param for param in BARRETT if param.scale is not None], ids=lambda param: param.mnemonic)
+@each_row(
+    "param", [param for param in BARRETT if scale_of(param.unit or "") is not None], ids=lambda param: param.mnemonic
+)
 def test_every_scaled_unit_is_exact(param: GclParam) -> None:
     hand, _ = simulated()
     (reading, *_) = hand.read([Element(param, 0)])

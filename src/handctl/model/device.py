@@ -28,7 +28,7 @@ from handctl.errors import (
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.model.command_settings import Settings
-from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange
+from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange, scale_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c, stopped_by_error
 from handctl.model.stop_sequence import (
@@ -448,7 +448,7 @@ class Device(ABC):
         row["path"] = element.path
         if self.product:
             self.about.setdefault("model", self.product)
-        if (scale := param.scale) is not None:
+        if (scale := scale_of(param.unit or "")) is not None:
             row |= {"scaled": scale.of(value), "scaled_unit": scale.unit}
         if param.alarms:
             row["errors"] = param.errors(int(value))

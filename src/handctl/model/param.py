@@ -99,12 +99,12 @@ class Param:
     @cached_property
     def count(self) -> int:
         """Number of elements, 1 for a scalar."""
-        return len(self.elements) or 1
+        return len(self.each)
 
     @cached_property
     def each(self) -> tuple[Element, ...]:
         """All elements, in wire order; made once, as each remembers its names."""
-        return tuple([Element(self, index) for index in range(self.count)])
+        return tuple([Element(self, index) for index in range(len(self.elements) or 1)])
 
     @property
     def meaning(self) -> tuple[object, ...]:
@@ -115,11 +115,6 @@ class Param:
     def path(self) -> str:
         """What `get` takes for it: its name, unless another quantity has the same."""
         return self.name
-
-    @cached_property
-    def scale(self) -> Scale | None:
-        """How the wire's unit becomes the one that a person uses; None where they are the same."""
-        return scale_of(self.unit) if self.unit else None
 
     @cached_property
     def alarms(self) -> Mapping[int, str]:

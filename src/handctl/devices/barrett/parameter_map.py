@@ -13,7 +13,7 @@ from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import STATUS_CODES
 from handctl.errors import UsageError
 from handctl.fast_classes import fast_dataclass
-from handctl.model.param import SETTING, Element, Number, Param, ParamMap
+from handctl.model.param import SETTING, Element, Number, Param, ParamMap, scale_of
 
 FINGERS = MOTORS[:3]
 NO_GAUGE = 255
@@ -72,11 +72,12 @@ class GclParam(Param):
         except UsageError as exc:
             # Whoever types 60.5 means degrees, not tenths: say what it would be, and do not guess.
             digits = text.strip().removeprefix("-")
-            if self.scale is not None and digits.count(".") == 1 and digits.replace(".", "").isdecimal():
-                wanted = float(text) * self.scale.over / self.scale.times
+            scale = scale_of(self.unit or "")
+            if scale is not None and digits.count(".") == 1 and digits.replace(".", "").isdecimal():
+                wanted = float(text) * scale.over / scale.times
                 exc.text = f"{where or self.name} takes a whole number of {self.unit}, not {text}"
                 if wanted == round(wanted):
-                    exc.hint = f"{float(text):g} {self.scale.unit} is {self.name}={wanted:.0f}. {exc.hint}"
+                    exc.hint = f"{float(text):g} {scale.unit} is {self.name}={wanted:.0f}. {exc.hint}"
             raise
 
     def default_of(self, index: int) -> int | None:

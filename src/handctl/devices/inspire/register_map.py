@@ -42,7 +42,7 @@ class Register(Param):
     @cached_property
     def span(self) -> range:
         """All byte addresses of the register group."""
-        return range(self.address, self.address + self.size * self.count)
+        return range(self.address, self.address + self.size * len(self.each))
 
     @property
     def place(self) -> int:
