@@ -18,6 +18,7 @@ from handctl.devices.inspire.exo.device import ExoHand
 from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
+from handctl.model.export_formats import FORMATS
 from handctl.model.param import Element, Reading
 from handctl.record import csv_and_sidecar
 from handctl.record.marks import MOST, Heard, Marks
@@ -168,6 +169,25 @@ def test_what_was_not_read_is_missing(
     assert about["unread"] == ({"temperature.index_°C": count} if count else {})
     assert ("unread" in done.codes()) is bool(count)
     assert run("exo", "log", "--check", path).code == (7 if count else 0)
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_name_that_is_no_utf8_spoils_no_recording(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "caf\udce9.csv"
+    done = log(kind, path, "--count", "2")
+    _, about = kept(path)
+    assert (done.code, about["file"], Path(done.rows[0]["file"]).name) == (0, "caf\\xe9.csv", "caf\\xe9.csv")
+    sidecar = Path(f"{path}.json")
+    for older in (sidecar.read_bytes(), json.dumps(about | {"file": path.name}).encode()):
+        sidecar.write_bytes(older)
+        assert run(kind, "log", "--check", path).code == 0
+        for form, one in FORMATS.items():
+            if one.library:
+                pytest.importorskip(one.library)
+            out = tmp_path / f"{len(older)}.{form}"
+            assert run(kind, "export", path, "--to", form, "-o", out).code == 0, form
+            for file in [out] if out.is_file() else (one for one in out.rglob("*") if one.is_file()):
+                assert b"\\udce9" not in file.read_bytes(), file
 
 
 MARKS = ("x" * 66_000, "é" * 60_000, '"' * 500)

@@ -13,6 +13,7 @@ import click
 
 from handctl import __version__
 from handctl.errors import HandctlError, Hint, Interrupted, OutputError, UsageError, joined
+from handctl.files import in_json
 from handctl.model.result import SCHEMA, Journal, Message
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
@@ -102,7 +103,12 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
     utf8_stdout()
     try:
         sys.stdout.write(
-            json.dumps({"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}) + "\n"
+            in_json(
+                json.dumps(
+                    {"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}, ensure_ascii=False
+                )
+            )
+            + "\n"
         )
         sys.stdout.flush()
     except OSError:

@@ -518,8 +518,8 @@ def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
         text = read_text(path, "a sidecar", 16_000_000)
         content = json.loads(text)
         if "\\u" in text:
-            if isinstance(content, dict) and "marks" in content:  # older ones may have bytes there that are no UTF-8
-                content["marks"] = json.loads(as_text(json.dumps(content["marks"], ensure_ascii=False)))
+            for key in {"marks", "file", "link"} & content.keys() if isinstance(content, dict) else ():
+                content[key] = json.loads(as_text(json.dumps(content[key], ensure_ascii=False)))  # older ones
             json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
     except NoFile:
         return None
