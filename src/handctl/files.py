@@ -6,6 +6,7 @@ fails means is its callers' to say. `clash` tells two names of one file. Knows n
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import errno
 import io
@@ -124,6 +125,31 @@ def refuse_controls(text: str) -> None:
             )
 
 
+SPELLED = "handctl-json"
+"""The error handler of what may hold JSON: see `in_json`."""
+
+
+def _spelled(error: UnicodeError) -> tuple[str, int]:
+    """Bytes as messages have them, ``\\xff``; the backslash is doubled, as JSON has it."""
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    halves = map(ord, error.object[error.start : error.end])
+    return "".join(
+        f"\\\\x{one - 0xDC00:02x}" if 0xDC80 <= one < 0xDD00 else f"\\\\u{one:04x}" for one in halves
+    ), error.end
+
+
+codecs.register_error(SPELLED, _spelled)
+
+
+def in_json(text: str) -> str:
+    """JSON without half a character: Python has one for each byte of an argument, a path or a variable that is no UTF-8.
+
+    An escape of it would be no text for any reader: it is spelled out, as in a message.
+    """
+    return text if text.isascii() else text.encode("utf-8", SPELLED).decode()
+
+
 def as_text(text: str) -> str:
     """The same as text that every file and stream can hold: what stands for a byte that is no UTF-8 becomes U+FFFD."""
     return text.encode("utf-16", "surrogatepass").decode("utf-16", "replace")
@@ -186,10 +212,10 @@ def atomic_write(path: str | os.PathLike[str], mode: str = "w") -> Iterator[IO[A
     """A file to write: a temporary one next to `path` that replaces it at the end, or is removed if the body raises.
 
     What is replaced keeps its permissions and its owner, and a symbolic link stays one. A device or a pipe is written to, never
-    replaced. `mode` "w" is UTF-8 with line ends as they come, and \\udcff for a byte of a file name that is none, or "wb".
+    replaced. `mode` "w" is UTF-8 with line ends as they come, and what `in_json` makes of what is none, or "wb".
     Raises OSError.
     """
-    text = {"encoding": "utf-8", "errors": "backslashreplace", "newline": ""}
+    text = {"encoding": "utf-8", "errors": SPELLED, "newline": ""}
     if os.path.exists(path) and not os.path.isfile(path):
         with open(path, mode, opener=at_once, **({} if "b" in mode else text)) as file:  # type: ignore[call-overload]
             yield file
@@ -255,7 +281,7 @@ def appended(path: str | os.PathLike[str]) -> Iterator[IO[str]]:
     """
     text = io.StringIO(newline="")
     yield text
-    header, _, rest = text.getvalue().encode("utf-8", "backslashreplace").partition(b"\n")
+    header, _, rest = text.getvalue().encode("utf-8", SPELLED).partition(b"\n")
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | disk.AT_ONCE | disk.BINARY, 0o666)
     try:
         if not stat.S_ISREG(os.fstat(descriptor).st_mode):

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import json
+from collections.abc import Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +14,18 @@ import pytest
 
 import handctl
 from handctl.command import log_command
+from handctl.devices.inspire.exo.device import ExoHand
+from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
+from handctl.model.export_formats import FORMATS
+from handctl.model.param import Element, Reading
 from handctl.record import csv_and_sidecar
+from handctl.record.marks import MOST, Heard, Marks
 from handctl.sim import model_class
 from tests.contract.facts import facts_of
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 
 ANSWERS: dict[str, dict[str, object]] = {"aidin": {"exchange": "poll"}}
 """A stream goes on by the clock: which of its objects a row has is not the same twice."""
@@ -133,6 +142,82 @@ def test_append_records_the_next_trial_into_a_file_with_its_number(kind: str, tm
     (tmp_path / "walk-2.csv").unlink()
     (tmp_path / "walk-2.csv.json").unlink()
     assert log(kind, path, "--append", "--count", "1").rows[0]["trial"] == 4, "a number is never given twice"
+
+
+@each_row(("misses", "code"), [(range(1, 9), 4), (range(2, 4), 0), (range(0), 0)], ids=["never", "twice", "whole"])
+def test_what_was_not_read_is_missing(
+    misses: range, code: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, reads, read = tmp_path / "a.csv", itertools.count(), ExoHand.read
+
+    def lame(device: ExoHand, elements: Sequence[Element]) -> list[Reading]:
+        found = read(device, elements)
+        silent = {"temperature.index"} if len(elements) == 10 and next(reads) + 1 in misses else set[str]()
+        return [
+            one._replace(value=None, error=NoAnswer("no reply")) if one.element.full_name in silent else one
+            for one in found
+        ]
+
+    monkeypatch.setattr(ExoHand, "read", lame)
+    done = log("exo", path, "force_actual", "temperature", "--count", "4", "--rate", "20")
+    rows, about = kept(path)
+    count = sum(row["temperature.index_°C"] == "" for row in rows)
+    assert (done.code, len(rows), count, all(row["temperature.ring_°C"] for row in rows)) == (
+        code, 4, min(4, len(misses)), True,
+    )  # fmt: skip
+    assert (about["complete"], about["missing"]) == (not count, ["unread"] if count else [])
+    assert about["unread"] == ({"temperature.index_°C": count} if count else {})
+    assert ("unread" in done.codes()) is bool(count)
+    assert run("exo", "log", "--check", path).code == (7 if count else 0)
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_name_that_is_no_utf8_spoils_no_recording(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "caf\udce9.csv"
+    done = log(kind, path, "--count", "2")
+    _, about = kept(path)
+    assert (done.code, about["file"], Path(done.rows[0]["file"]).name) == (0, "caf\\xe9.csv", "caf\\xe9.csv")
+    sidecar = Path(f"{path}.json")
+    for older in (sidecar.read_bytes(), json.dumps(about | {"file": path.name}).encode()):
+        sidecar.write_bytes(older)
+        assert run(kind, "log", "--check", path).code == 0
+        for form, one in FORMATS.items():
+            if one.library:
+                pytest.importorskip(one.library)
+            out = tmp_path / f"{len(older)}.{form}"
+            assert run(kind, "export", path, "--to", form, "-o", out).code == 0, form
+            for file in [out] if out.is_file() else (one for one in out.rglob("*") if one.is_file()):
+                assert b"\\udce9" not in file.read_bytes(), file
+
+
+MARKS = ("x" * 66_000, "é" * 60_000, '"' * 500)
+
+
+@each_row("by", ["option", "line", "udp", "key", "lsl"])
+@pytest.mark.parametrize("text", MARKS, ids=["x", "é", "quotes"])
+def test_a_long_mark_keeps_its_beginning(by: str, text: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    with closing(Marks(lambda: text if by == "key" else "")) as marks:
+        if by in ("line", "udp"):
+            marks.hear(text, by)
+        elif by == "lsl":
+            marks.put(Heard(text, 1.0, 1.0, by))
+        (mark,) = log_command._first(text if by == "option" else "", marks.take)()
+    assert mark.text == text[:200]
+    assert log("exo", path, "--count", "2", "--mark", text).code == 0
+    rows, about = kept(path)
+    assert rows[0]["mark"] == about["marks"][0]["text"] == text[:200]
+    assert run("exo", "log", "--check", path).code == 0
+
+
+def test_many_marks_at_once_go_to_rows_that_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path, lines = tmp_path / "a.csv", [f"{number} {MARKS[1][:190]}" for number in range(100)]
+    monkeypatch.setattr(log_command, "_first", lambda _first, _take: lambda: [Heard(lines.pop(0)) for _ in [*lines]])
+    assert log("exo", path, "--count", "5", "--rate", "20").code == 0
+    rows, about = kept(path)
+    assert [row["mark"].count("é") // 190 for row in rows] == [MOST, MOST, 100 - 2 * MOST, 0, 0]
+    assert [one["row"] for one in about["marks"]] == [1, 2, 3]
+    assert run("exo", "log", "--check", path).code == 0
 
 
 @pytest.mark.parametrize("more", [(), ("--force",)], ids=str)

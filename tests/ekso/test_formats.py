@@ -11,7 +11,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from statistics import linear_regression
@@ -442,7 +442,8 @@ NO_UTF8 = "caf\udce9"
 
 def test_a_mark_with_a_byte_that_is_no_utf8_is_read(log: Path) -> None:
     heard = {"text": NO_UTF8, "host_utc_s": None, "host_mono_s": None, "by": "line"}
-    _edit(log, marks=[{"row": 31, "boot_ms": None, "t_s": None, "text": "caf", "heard": [heard]}])
+    others = json.loads(Path(f"{log}.json").read_text(encoding="utf-8"))["marks"][1:]
+    _edit(log, marks=[{"row": 31, "boot_ms": None, "t_s": None, "text": "go, é", "heard": [heard]}, *others])
     assert b"udce9" in Path(f"{log}.json").read_bytes()
     assert run("ekso", "log", "--check", log).code == 0
     out, _ = exported(log, "bids")
@@ -523,6 +524,64 @@ def test_check_finds_clocks_that_part_within_a_segment(log: Path, late: float, c
     Path(f"{log}.json").write_text(json.dumps(json.loads(Path(f"{log}.json").read_text()) | {"segments": [
         one | {"clock_fit": None} for one in json.loads(Path(f"{log}.json").read_text())["segments"]]}))  # fmt: skip
     assert checked(log).code == code
+
+
+def _columns(log: Path, change: Callable[[int, dict[str, str]], dict[str, str]]) -> None:
+    """Write the rows with what `change` makes of the cells of each, counted from 1."""
+    with log.open(encoding="utf-8", newline="") as file:
+        reader = csv.DictReader(file)
+        rows = [cells | change(number, cells) for number, cells in enumerate(reader, 1)]
+        names = list(reader.fieldnames or ())
+    with log.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, names)
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+EDITED: dict[str, tuple[Callable[[int, dict[str, str]], dict[str, str]], int]] = {
+    "boot_ms of the rest": (lambda n, row: {"boot_ms": str(int(row["boot_ms"]) + 60 * (120 <= n <= 200))}, 7),
+    "boot_ms of one row": (lambda n, row: {"boot_ms": "5" if n == 120 else row["boot_ms"]}, 7),
+    "boot_ms of a segment": (lambda n, row: {"boot_ms": str(int(row["boot_ms"]) + (n > 200))}, 7),
+    "host_utc_s": (lambda n, row: {"host_utc_s": f"{float(row['host_utc_s']) - 86400 * (n > 99):.6f}"}, 2),
+    "seq twice": (lambda n, row: {"seq": "99" if n == 100 else row["seq"]}, 2),
+    "seq of the first": (lambda n, row: {"seq": "7" if n == 1 else row["seq"]}, 2),
+    "a mark more": (lambda n, row: {"mark": "go" if n == 120 else row["mark"]}, 7),
+    "a mark less": (lambda n, row: {"mark": "" if n == 31 else row["mark"]}, 7),
+    "another mark": (lambda n, row: {"mark": "stop" if n == 31 else row["mark"]}, 7),
+    "a mark behind a note": (lambda n, row: {"mark": f"{row['mark']}; go" if n == 201 else row["mark"]}, 7),
+    "nothing": (lambda n, row: {}, 0),
+}
+
+
+@each_row(("change", "code"), EDITED.values(), ids=EDITED)
+def test_check_finds_what_was_edited(
+    tmp_path: Path, change: Callable[[int, dict[str, str]], dict[str, str]], code: int
+) -> None:
+    log = walk(tmp_path / "walk.csv")
+    _columns(log, change)
+    done = checked(log)
+    assert done.code == code, done
+    if code == 2:
+        assert run("ekso", "export", log, "--to", "xdf", "-o", log.with_name("x.out")).code == 2
+        assert run("ekso", "gait", log).code == 2
+
+
+@each_row("edit", ["a row less", "half a row", "a count", "the end", "a segment"])
+def test_check_finds_what_is_not_as_its_sidecar_says(tmp_path: Path, edit: str) -> None:
+    log = walk(tmp_path / "walk.csv")
+    whole, about = log.read_bytes(), json.loads(Path(f"{log}.json").read_text(encoding="utf-8"))
+    if edit == "a row less":
+        log.write_bytes(b"".join(whole.splitlines(keepends=True)[:-1]))
+    elif edit == "half a row":
+        log.write_bytes(whole[:-40])
+    else:
+        first = about["segments"][0] | {"boot_ms": [1001, 1]}
+        _edit(log, **{
+            "a count": {"rows": 3}, "the end": {"end": about["end"] | {"boot_ms": 5}},
+            "a segment": {"segments": [first, *about["segments"][1:]]},
+        }[edit])  # fmt: skip
+    done = checked(log)
+    assert (done.code, done.error["code"]) == (7, "log"), done
 
 
 def test_check_records_nothing(log: Path) -> None:

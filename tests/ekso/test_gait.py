@@ -7,6 +7,7 @@ import json
 import shutil
 from collections import Counter
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from statistics import mean
 
@@ -24,9 +25,12 @@ from handctl.devices.ekso.gait import (
     Walk,
     compared,
     curve,
+    stretches,
     walk_in,
 )
 from handctl.devices.ekso.gait_page import Band, bands, histogram, timeline
+from handctl.devices.ekso.log_reader import LogFile
+from tests.ekso.recordings import recorded
 from tests.ekso.walks import RATE, Made, Plan, walk
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -372,3 +376,15 @@ def test_strides_are_listed_where_none_counts(tmp_path: Path) -> None:
     with steps.open(encoding="utf-8", newline="") as file:
         verdicts = [row["verdict"] for row in csv.DictReader(file)]
     assert verdicts and "counted" not in verdicts
+
+
+def test_what_the_recorder_calls_no_gap_is_none_for_gait(tmp_path: Path) -> None:
+    """An interval of just three periods: in seconds it is a little more, or a little less."""
+    path = tmp_path / "even.csv"
+    steps = [66 if number > 30 and number % 9 == 8 else 22 for number in range(300)]
+    recorded(path, [(step / 1000, 1001 + sum(steps[: at + 1])) for at, step in enumerate(steps)])
+    rows = list(csv.DictReader(path.open(encoding="utf-8", newline="")))
+    moments = [round(float(row["t_s"]) * 1000) for row in rows]
+    assert max(b - a for a, b in pairwise(moments)) == 66 and not any("gap" in row["mark"] for row in rows)
+    (stretch,) = stretches(LogFile(str(path)))
+    assert list(stretch.gaps) == [] and any(b - a > 3 * 0.022 for a, b in pairwise(stretch.t))

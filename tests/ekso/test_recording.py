@@ -239,6 +239,15 @@ def test_a_clock_that_stands_leaves_the_time_to_the_host() -> None:
     assert {segment.rebooted for segment in line.segments} == {False}
 
 
+@each_row("speed", [0.0, 0.5, 0.9, 1.0, 1.1])
+def test_the_rate_is_that_of_the_host_s_clock(speed: float) -> None:
+    """Also where the device's clock stands still or runs wrong; what lies between two rows at a standstill is no gap."""
+    line = Timeline(usual_ms=USUAL_MS)
+    places(line, *((FAR + int(i * 25 * speed), i * 0.025) for i in range(201)))
+    assert (line.rate_hz(), line.gaps) == (40.0, [])
+    assert (line.interval_row() or {})["median"] == pytest.approx(25 * speed or 25, abs=1)
+
+
 def test_a_clock_that_never_agrees_is_not_asked_for_ever() -> None:
     """Neither memory nor sidecar grow with a log of such a device; its time is the host's."""
     line = Timeline()

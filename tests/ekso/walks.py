@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import pi, sin
 
 from handctl.devices.ekso.gait import SENSORS, SIDES, SIGNALS, Stretch
+from handctl.record.timeline import GAP_PERIODS
 
 RATE = 50.0
 LOADS, LIFTS = 0.04, 0.06
@@ -99,12 +100,15 @@ def walk(plan: Plan) -> Made:
     chance = random.Random(plan.seed + 1)
     contacts = _contacts(plan)
     t: list[float] = []
+    gaps: list[int] = []
     signals: dict[str, list[float]] = {name: [] for name in SIGNALS}
     place = dict.fromkeys(SIDES, 0)
     for number in range(int(plan.seconds * plan.rate)):
         moment = number / plan.rate
         if any(begin <= moment < end for begin, end in plan.holes):
             continue
+        if t and moment - t[-1] > GAP_PERIODS / plan.rate:
+            gaps.append(len(t))
         t.append(moment)
         for side in SIDES:
             while place[side] + 1 < len(contacts[side]) and contacts[side][place[side] + 1][0] <= moment:
@@ -120,7 +124,7 @@ def walk(plan: Plan) -> Made:
             signals[f"{side}_knee"].append(5.0 + (0.0 if side in plan.stiff else 50.0 * bend))
             signals[f"{side}_hip"].append(10.0 * sin(moment))
     strides = [(side, *one) for side in SIDES for one in contacts[side] if one[2] < t[-1]]
-    return Made([Stretch(1, t, signals)], sorted(strides, key=lambda one: one[1]))
+    return Made([Stretch(1, t, signals, gaps)], sorted(strides, key=lambda one: one[1]))
 
 
 def _foot(moment: float, on: float, off: float, end: float) -> tuple[float, float, float]:

@@ -148,6 +148,7 @@ def judge_json(done: Result) -> str:
         text = done.raw.decode("utf-8")
         last = strict(text) if text.startswith("{\n") else [strict(line) for line in text.split("\n")[:-1]][-1]
         last = last.get("end", last)
+        json.dumps(last, ensure_ascii=False).encode()  # half a character is no text
     except (ValueError, IndexError) as exc:
         return f"no JSON in UTF-8: {exc}: {done.raw[:80]!r}"
     try:
@@ -198,7 +199,7 @@ def new_file(path: Path) -> str:
     if path.suffix in (".json", ".jsonl"):
         try:
             for text in content.decode("utf-8").splitlines() if path.suffix == ".jsonl" else [content.decode("utf-8")]:
-                strict(text)
+                json.dumps(strict(text), ensure_ascii=False).encode()
         except ValueError as exc:
             return f"{path.name}: no JSON: {exc}"
         return ""

@@ -109,7 +109,9 @@ def test_no_way_out_lets_it_pass(monkeypatch: pytest.MonkeyPatch, how: str, colo
 def test_json_is_utf8_and_lossless(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     table = Table(rows=[{"name": text}], columns=COLUMNS)
     out = told(monkeypatch, "json", "auto", lambda sink, around: show(table, None, sink, around))
-    assert json.loads(out.encode("utf-8"))["rows"] == [{"name": text}]
+    found = json.loads(out.encode("utf-8"))
+    assert found["rows"] == [{"name": text if text != HOSTILE["byte"] else "\\xff"}]
+    assert json.dumps(found, ensure_ascii=False).encode("utf-8"), "half a character is no text"
 
 
 def test_csv_without_formulas(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,8 +203,37 @@ def test_json_of_a_path_that_is_not_utf8(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, env=clean_environment(), timeout=30, check=False)
     content = json.loads(done.stdout.decode("utf-8"))
     assert content["exit_code"] == done.returncode == 2
-    assert "\udcff" in content["messages"][0]["text"]
+    assert "\\xff.json" in content["messages"][0]["text"] and "\\ud" not in json.dumps(content)
     assert b"\\xff.json" in done.stderr
+
+
+NO_UTF8: dict[str, tuple[tuple[str, ...], dict[str, str]]] = {
+    "an argument": (("exo", "get", "caf\udce9", "--fake"), {}),
+    "an option": (("exo", "--\udcff"), {}),
+    "a command": (("\udcff",), {}),
+    "a port": (("exo", "get", "id", "-p", "/dev/x\udcff"), {}),
+    "a variable": (("exo", "get", "id"), {"HANDCTL_PORT": "/dev/x\udcff"}),
+    "a transcript": (("exo", "get", "id", "-p", "{link}", "--trace", "{new}.txt"), {}),
+    "a snapshot": (("exo", "snapshot", "{new}.json", "-p", "{link}"), {}),
+    "a report": (("exo", "report", "{new}.html", "-p", "{link}"), {}),
+    "facts": (("prove", "exo", "-o", "{new}.json", "-p", "{link}", "--yes"), {}),
+    "a recording": (("exo", "log", "{new}.csv", "temperature", "--count", "2", "-p", "{link}"), {}),
+    "a CSV": (("exo", "watch", "--count", "2", "-o", "{new}.csv", "-p", "{link}"), {}),
+}
+
+
+@each_row(("words", "env"), NO_UTF8.values(), ids=NO_UTF8)
+def test_what_is_no_utf8_is_text_in_each_output(tmp_path: Path, words: tuple[str, ...], env: dict[str, str]) -> None:
+    """Half a character is no text: neither as a byte nor as an escape. Then the same from the file."""
+    state, new = tmp_path / "s\udcff.json", tmp_path / "new\udcfe"
+    link = f"fake://exo?clock=virtual&state={state}"
+    done = run(*(word.format(new=new, link=link) for word in words), "--json", env=env)
+    assert done.code in (0, 2, 3) and ("{link}" not in words or not done.code), done
+    made = [one.read_bytes() for one in tmp_path.iterdir() if one.name.startswith("new")]
+    for data in (done.raw, *made):
+        assert not re.search(r"(?<!\\)\\ud[89a-f]", data.decode("utf-8")), data
+    if "snapshot" in words:
+        assert run("exo", "diff", f"{new}.json", "-p", link).code == 0
 
 
 def test_json_has_no_number_that_json_does_not_have() -> None:

@@ -101,6 +101,14 @@ def test_a_name_is_not_taken_twice(place: Place) -> None:
     assert place.file.read_text() == '# mine\n[devices.left]\nkind = "wrist"\nport = "tcp://h:1"\n# end\n'
 
 
+def test_a_link_that_is_no_utf8_is_refused_and_the_file_stays_readable(place: Place) -> None:
+    place.write(EXO)
+    for more in ((), ("--dry-run",)):
+        done = place("devices", "add", "odd", "exo", "-p", "/dev/x\udcff", "--json", *more)
+        assert (done.code, done.error["code"], place.file.read_text()) == (2, "config", EXO), done
+    assert [row["name"] for row in place("devices", "list", "--json").rows] == ["left"]
+
+
 def test_a_dry_run_writes_nothing(place: Place) -> None:
     planned = place("devices", "add", "a", "exo", "-p", "/dev/ttyS1", "-n", "--json")
     assert (planned.code, planned.codes()) == (0, ["dry-run"])

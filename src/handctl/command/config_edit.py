@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from handctl.command.config import Config, Statement, parse, read_config, statements
 from handctl.errors import OutputError, UsageError
-from handctl.files import atomic_write, writing
+from handctl.files import as_text, atomic_write, writing
 from handctl.system import clock, file_locks
 
 WAIT_SECONDS = 5.0
@@ -73,6 +73,12 @@ def _table(config: Config, name: str) -> list[Statement]:
 def _toml(value: str | int | float) -> str:
     if not isinstance(value, str):
         return repr(value)
+    if as_text(value) != value:
+        raise UsageError(
+            f"{value} has a byte that is not UTF-8, which a configuration file cannot hold",
+            hint="give it another name, such as a symbolic link. Nothing was changed.",
+            code="config",
+        )
     import json
 
     return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")  # TOML's escapes are JSON's

@@ -14,6 +14,7 @@ import click
 from handctl import __version__
 from handctl.errors import HandctlError, Hint, Interrupted, OutputError, UsageError, joined
 from handctl.families import FAMILIES
+from handctl.files import in_json
 from handctl.model.result import SCHEMA, Journal, Message
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
@@ -103,7 +104,12 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
     utf8_stdout()
     try:
         sys.stdout.write(
-            json.dumps({"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}) + "\n"
+            in_json(
+                json.dumps(
+                    {"end": envelope} if streams or wanted == "ndjson" else {**envelope, "rows": []}, ensure_ascii=False
+                )
+            )
+            + "\n"
         )
         sys.stdout.flush()
     except OSError:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -90,8 +91,12 @@ def tell_simulated(run: Run, source: LogFile) -> None:
 def check(run: Run, source: LogFile) -> Table:
     """The segments of a log as its rows show them: why each begins, the fit of the clocks, what is missing."""
     from handctl.record.clock_survey import survey
+    from handctl.record.log_reader import UNTOUCHED, Incomplete
 
-    found = survey(source)
+    try:
+        found = survey(source)
+    except Incomplete as exc:
+        return Table(rows=[], columns=CHECKED, failure=CheckFailed(exc.text, hint=UNTOUCHED, code="log"))
     tell_simulated(run, source)
     findings = [*source.remarks(), *_contradictions(source, found)]
     for text in findings:
@@ -128,8 +133,27 @@ def _contradictions(source: LogFile, found: Survey) -> list[str]:
             texts.append(f"segment {number}: the device's clock and this computer's part by {one.apart_ms:+.0f} ms")
         about: dict[str, Any] = said.get(number, {})
         fit, own = about.get("clock_fit"), one.fit.as_row()
-        if source.closed and (about.get("first_row"), about.get("rows")) != (one.first_row, one.rows):
-            texts.append(f"segment {number}: the sidecar has other rows")
+        ends = {"boot_ms": one.boots, "t_s": [one.first.t_ms / 1000, one.last.t_ms / 1000]}
+        if source.closed and (
+            (about.get("first_row"), about.get("rows")) != (one.first_row, one.rows)
+            or any(about.get(key, value) != value for key, value in ends.items())
+        ):
+            texts.append(f"segment {number}: the sidecar has other rows or times")
         elif fit and own and abs(fit["a_s"] - own["a_s"]) + abs(fit["b"] - own["b"]) * one.last.t_ms / 1000 > 0.001:
             texts.append(f"segment {number}: the sidecar has another clock fit")
-    return texts
+    return [*texts, *_others_in_sidecar(source.sidecar, found)] if source.sidecar and source.closed else texts
+
+
+def _others_in_sidecar(sidecar: Mapping[str, Any], found: Survey) -> Iterator[str]:
+    """The marks and the ends of which the sidecar says something else than the rows."""
+    from handctl.record.clock_survey import NOTE
+
+    said = {one["row"]: str(one.get("text")) for one in sidecar.get("marks") or () if one.get("row") is not None}
+    for row in sorted(found.marks.keys() | said):
+        text, own = found.marks.get(row, ""), said.get(row, "")
+        if not text.endswith(own) or NOTE.sub("", text.removesuffix(own)):
+            yield f"row {row}: the sidecar has another mark"
+    for name, segment, at in (("start", min(found.segments), 0), ("end", max(found.segments), 1)):
+        boot = found.segments[segment].boots[at]
+        if (sidecar.get(name) or {}).get("boot_ms", boot) != boot:
+            yield f"{name}: the sidecar has another time of the device"

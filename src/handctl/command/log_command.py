@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import __version__
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
-from handctl.errors import HandctlError, LinkError, NoAnswer, OutputError, UsageError
-from handctl.files import as_text
+from handctl.errors import HandctlError, LinkError, OutputError, UsageError
 from handctl.model.device_clock import Moment
 from handctl.model.param import Element, ParamMap, Reading
 from handctl.model.result import Column, Table, name_of
@@ -32,6 +31,7 @@ from handctl.record.csv_and_sidecar import (
 )
 from handctl.record.csv_columns import RowsLayout
 from handctl.record.marks import Heard, Marks
+from handctl.record.marks import text_of as mark_text
 from handctl.record.recording_loop import Limits, Loop
 from handctl.record.row_source import Ended, Sample, Source
 from handctl.record.timeline import TORN_MS, is_torn
@@ -147,7 +147,8 @@ def log(
             if source.paced:
                 limits = Limits(silence=0.0, bound=run.end, over=over)
             failure = Loop(recording, limits, _first(wishes.mark, take), run.prompts, before).run()
-        failure = _finish(run, recording, before, failure) or (bounds.failure() if bounds is not None else None)
+        failure = _finish(run, recording, before, failure) or _never_read(recording)
+        failure = failure or (bounds.failure() if bounds is not None else None)
     finally:
         recording.close()
     _tell(run, recording)
@@ -196,7 +197,7 @@ def _reopen(run: Run) -> bool:
 
 def _first(text: str, came: Callable[[], Sequence[Heard]]) -> Callable[[], Sequence[Heard]]:
     """Marks: `text` for the first row, then what comes."""
-    waiting = [Heard(as_text(text))] if text else []
+    waiting = [Heard(first)] if (first := mark_text(text)) else []
     return lambda: [*(waiting.pop() for _ in range(len(waiting))), *came()]
 
 
@@ -229,6 +230,15 @@ def _finish(
         except OutputError as exc:
             return failure or exc
     return failure
+
+
+def _never_read(recording: Recording) -> HandctlError | None:
+    """The error for quantities that no row has."""
+    never = [column for column, rows in recording.unread.items() if rows == recording.rows]
+    if not never:
+        return None
+    error = recording.unread_why[never[0]]
+    return error.reworded(f"{', '.join(never)}: not read in any of {plural(recording.rows, 'row')}. {error.text}")
 
 
 def _tell(run: Run, recording: Recording) -> None:
@@ -271,6 +281,9 @@ def _tell(run: Run, recording: Recording) -> None:
         run.journal.warn(
             "lost", f"{plural(recording.lost, 'request')} without a valid reply: see the missing numbers in column seq"
         )
+    if recording.unread:
+        cells = ", ".join(f"{column} in {plural(rows, 'row')}" for column, rows in recording.unread.items())
+        run.journal.warn("unread", f"not read: {cells}: see column error")
     if line.standstill:
         run.journal.warn(
             "boot-time-still",
@@ -302,8 +315,9 @@ class MapSource(Source):
         self.kind = device.kind
         rows = [device.row(Reading(element, None, b"", None)) for element in elements]
         rows += [row for read in blocks for row in read()]
-        self._blocks = blocks
-        self.layout = RowsLayout([(column_of(row), row) for row in rows])
+        columns = [column_of(row) for row in rows]
+        self._blocks, self._columns = blocks, columns[: len(elements)]
+        self.layout = RowsLayout(list(zip(columns, rows, strict=True)))
         self._device, self._elements, self._again = device, list(elements), again
         self._identity = device.identity()
         self._met = self._named = False
@@ -315,9 +329,9 @@ class MapSource(Source):
         readings = device.read(self._elements) if self._elements else []
         more = [row for read in self._blocks for row in read()]
         moment = device.reading_time() or Moment(begun, device.link.now())
-        failed = [reading for reading in readings if reading.error is not None]
-        if readings and len(failed) == len(readings):
-            raise failed[0].error or NoAnswer("nothing was read")
+        unread = {name: one.error for name, one in zip(self._columns, readings, strict=True) if one.error is not None}
+        if readings and len(unread) == len(readings):
+            raise unread[self._columns[0]]
         good = [one.error is None and one.value is not None for one in readings]
         texts = [
             text_of(in_persons_unit(device.value_keys(one))) if read else ""
@@ -332,7 +346,7 @@ class MapSource(Source):
             if not all(good)
             else ""
         )
-        return Sample(moment, (texts, errors), rows=rows)
+        return Sample(moment, (texts, errors), rows=rows, unread=unread)
 
     def settings(self) -> dict[str, dict[str, Any]]:
         if not self._settings and not self._met and self._elements:  # a stranger is seen before there is a file

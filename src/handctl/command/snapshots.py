@@ -30,7 +30,7 @@ from handctl.errors import (
     UsageError,
     joined,
 )
-from handctl.files import PAGE, PAGE_DATA, atomic_write, in_page, read_text, why_unwritable, writing
+from handctl.files import PAGE, PAGE_DATA, atomic_write, in_json, in_page, read_text, why_unwritable, writing
 from handctl.model.device import NOT_THERE, question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
 from handctl.model.result import Column, Row, Table
@@ -523,6 +523,7 @@ def make(
     kind: str, identity: Mapping[str, object], values: dict[str, Number], *, link: str, fake: bool
 ) -> dict[str, Any]:
     """The content of a snapshot file, with its checksum."""
+    import json
     from datetime import datetime, timezone
 
     content: dict[str, Any] = {
@@ -535,6 +536,7 @@ def make(
         "fake": fake,
         "values": values,
     }
+    content = json.loads(in_json(json.dumps(content, ensure_ascii=False)))  # as it is read back
     return {**content, "checksum": _checksum(content)}
 
 

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from handctl.command.envelope import device_row
 from handctl.families import HISTORY
-from handctl.files import NoFile, in_turn, opened, state_path
+from handctl.files import SPELLED, NoFile, in_turn, opened, state_path
 from handctl.system import disk
 from handctl.wording import utc
 
@@ -53,7 +53,7 @@ def keep(asked: Invocation, writes: list[dict[str, Any]], others: list[str], fai
         simulated = link is not None and (link.fake or link.replayed)
         if writes and kept != OFF and (kept == ALL or not simulated):
             entry = {**_asked(asked), "others": others, **_result(writes, failure)}
-            _append(json.dumps(entry, ensure_ascii=False).encode("utf-8", "backslashreplace"))
+            _append(json.dumps(entry, ensure_ascii=False).encode("utf-8", SPELLED))
 
 
 def folder() -> Path:

@@ -50,7 +50,7 @@ OUTPUT = (
     "pipe the same columns are aligned with spaces. `--format plain` prints bare values separated by tabs, one row per line.",
     "`--json` prints one object, even if the command fails: the rows, the messages, the exit code and the counters of "
     "the line. A stream prints one row per line, then a last line with the object, without rows, under the key `end`. "
-    "JSON is always UTF-8 and contains every character unchanged.",
+    "JSON is always UTF-8 and contains every character unchanged. A byte that is not UTF-8 is escaped, such as `\\xff`.",
     "In all other formats, control characters, bidi marks and bytes that are not UTF-8 are escaped, such as `\\x1b` for "
     "Escape, so a device cannot control your terminal. If standard output or standard error cannot show a character, handctl "
     "replaces it: `deg C`, `...`, `sec.`, `#` for a bar, otherwise its number. In CSV, `--no-formulas` puts ' before any "

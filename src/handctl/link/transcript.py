@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from handctl import interrupts
 from handctl.errors import LinkError, OutputError, UsageError
-from handctl.files import at_once, has_content, writing
+from handctl.files import SPELLED, at_once, has_content, writing
 from handctl.interrupts import handing_over
 from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
 
@@ -271,7 +271,7 @@ class TraceFile(TraceWriter):
         if path:
             with writing(path, "the trace ", hint="give --trace another file. Nothing was sent."):
                 self._file = open(  # noqa: SIM115 - until close
-                    path, "w", encoding="utf-8", newline="\n", buffering=1,
+                    path, "w", encoding="utf-8", errors=SPELLED, newline="\n", buffering=1,
                     opener=lambda path, flags: at_once(path, flags & ~os.O_TRUNC),
                 )  # fmt: skip
             self._waits = interrupts.watch(self._file, result=False)

@@ -11,16 +11,16 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import accumulate, repeat
+from itertools import accumulate, pairwise, repeat
 from math import inf
-from operator import add, sub
+from operator import add, lt, sub
 from typing import Any, NamedTuple
 
 from handctl.model.device_clock import WITHIN_MS, Moment
 from handctl.record import timeline
 from handctl.record.csv_columns import MARK
-from handctl.record.log_reader import LATEST_S, Block, LogFile, as_written, damaged
-from handctl.record.timeline import Place
+from handctl.record.log_reader import LATEST_S, SAME_S, Block, LogFile, as_written, damaged
+from handctl.record.timeline import BOOT_WRAP, MOST_PARTED, Place
 
 NOTE = re.compile(r"\[(port lost|reboot|clocks [^]]*|gap [0-9]{1,9}[.][0-9]{3} s)\](?:; |$)")
 """What the recorder itself writes into a mark, before the text of a person."""
@@ -73,6 +73,7 @@ class Segment(timeline.Segment):
     pause_s   since the last row of the segment before, by the host
     apart_ms  the most by which device and host contradict each other within it
     said      its fit as the sidecar has it, None = the rows are asked for it, and how far the clocks part
+    boots     the device's clock at its first and last row, None = it has none
     """
 
     utc_s: float = 0.0
@@ -81,15 +82,26 @@ class Segment(timeline.Segment):
     gaps: int = 0
     apart_ms: float = 0.0
     said: Mapping[str, float] | None = None
+    boots: list[int | None] = field(default_factory=lambda: [None, None])
 
-    def read(self, rows: Block, *, clocked: bool) -> None:
-        """Take rows that follow each other."""
+    def read(self, rows: Block, clock: str) -> None:
+        """Take rows that follow each other; `clock` is the column of the device's clock, "" where it has none."""
         mono = rows.floats("host_mono_s")
+        if clock:
+            self._follow(rows.integers(clock), rows.t_ms)
         if self.said is None:
-            self._compare(rows.t_ms, mono, rows.floats("rtt_ms"), clocked=clocked)
+            self._compare(rows.t_ms, mono, rows.floats("rtt_ms"), clocked=bool(clock))
         self.rows += len(mono)
         half = float(rows.columns["rtt_ms"][-1]) / 2000
         self.last = Place(None, Moment(mono[-1] - half, mono[-1] + half), rows.t_ms[-1], self.number)
+
+    def _follow(self, boots: Sequence[int], t_ms: Sequence[int]) -> None:
+        """Find the most by which `t_s` is not that of the device's clock, which it is within a segment of a clock that is any witness."""
+        self.boots = [boots[0] if self.boots[0] is None else self.boots[0], boots[-1]]
+        ahead, half = (self.boots[0] or 0) - self.first.t_ms, BOOT_WRAP // 2
+        others = set(map(sub, boots, t_ms)) - {ahead}
+        if others and self.number <= MOST_PARTED:
+            self.apart_ms = max([self.apart_ms, *((one - ahead + half) % BOOT_WRAP - half for one in others)], key=abs)
 
     def _compare(self, t_ms: Sequence[int], mono: Sequence[float], rtt: Sequence[float], *, clocked: bool) -> None:
         """Fit the clocks, and find by how much they part."""
@@ -156,6 +168,8 @@ class Survey:
     clocked: bool
     segments: dict[int, Segment] = field(default_factory=dict)
     events: list[Event] = field(default_factory=list)
+    marks: dict[int, str] = field(default_factory=dict)
+    """What stands in the column of marks, by row."""
     gap_rows: list[int] = field(default_factory=list)
     """The rows (from 1) before which rows are missing, within a segment."""
 
@@ -186,13 +200,15 @@ class Surveyor:
         self._said: Sequence[Mapping[str, Any]] = (log.sidecar or {}).get("marks") or []
         self._heard = {one.get("row"): one.get("heard") for one in self._said}
         self._marked: list[tuple[int, int, int, float, list[str], str]] = []
-        self._row, self._last = 1, -inf
+        self._row, self._last, self._seq = 1, -inf, -1
+        self._ahead: float | None = None
+        """By how much `host_utc_s` is ahead of `host_mono_s`: a recording reads the time of day once, at its start."""
 
     def take(self, parts: Mapping[int, Block]) -> None:
         """The next rows, by segment. Raises UsageError where the host's time cannot be."""
         for number, part in parts.items():
             mono, utc = map(part.floats, ("host_mono_s", "host_utc_s"))
-            self._follow(mono, utc)
+            self._follow(mono, utc, part.integers("seq"))
             if (segment := self.found.segments.get(number)) is None:
                 first = Place(None, Moment(mono[0], mono[0]), part.t_ms[0], number)
                 before = self.found.segments.get(number - 1)
@@ -200,22 +216,31 @@ class Surveyor:
                 segment = Segment(number, self._row, first, None, first, utc_s=utc[0], pause_s=pause)
                 segment.said = self._fits.get(number)
                 self.found.segments[number] = segment
-            segment.read(part, clocked=self.found.clocked)
+            segment.read(part, self._log.clock)
             marks = part.columns[MARK]
             for at in [at for at, mark in enumerate(marks) if mark] if any(marks) else ():
-                notes, rest = self._notes(marks[at].decode(), self._row + at, segment)
+                text = self.found.marks[self._row + at] = marks[at].decode()
+                notes, rest = self._notes(text, self._row + at, segment)
                 self._marked.append((self._row + at, number, part.t_ms[at], utc[at], notes, rest))
             self._row += len(mono)
 
-    def _follow(self, mono: Sequence[float], utc: Sequence[float]) -> None:
-        """Raise UsageError for a row at which the host's clock fell back, or is none."""
+    def _follow(self, mono: Sequence[float], utc: Sequence[float], seq: Sequence[int]) -> None:
+        """Raise UsageError for a row at which the host's clock fell back, or is none, or which answers no later request."""
         if mono[0] < self._last or mono != sorted(mono) or not 0 <= min(utc) <= max(utc) < LATEST_S:
             last = self._last
             for at, (moment, wall) in enumerate(zip(mono, utc, strict=True), self._row + 1):
                 if moment < last or not 0 <= wall < LATEST_S:
                     raise damaged(self._log.path, at, "the time of this computer does not follow from the row before")
                 last = moment
-        self._last = mono[-1]
+        ahead = list(map(sub, utc, mono))
+        self._ahead = ahead[0] if self._ahead is None else self._ahead
+        if max(ahead) - self._ahead > SAME_S or self._ahead - min(ahead) > SAME_S:
+            at = next(at for at, one in enumerate(ahead, self._row + 1) if abs(one - self._ahead) > SAME_S)
+            raise damaged(self._log.path, at, "host_utc_s and host_mono_s disagree with the rows before")
+        if seq[0] <= self._seq or not all(map(lt, seq, seq[1:])):
+            at = next(at for at, (a, b) in enumerate(pairwise([self._seq, *seq]), self._row + 1) if b <= a)
+            raise damaged(self._log.path, at, "seq does not follow from the row before")
+        self._last, self._seq = mono[-1], seq[-1]
 
     def _notes(self, text: str, row: int, segment: Segment) -> tuple[list[str], str]:
         """What the recorder wrote into a mark, and the rest of it. A gap is known from here on."""

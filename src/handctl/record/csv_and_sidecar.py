@@ -13,13 +13,14 @@ import errno
 import json
 import os
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import atomic_write, has_content, writing
 from handctl.record.csv_columns import Stamp, clean
-from handctl.record.marks import Heard
+from handctl.record.marks import MOST, Heard
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
 from handctl.system import disk, signals
 
@@ -64,6 +65,10 @@ class Recording:
         """Requests without a valid answer, after the retries."""
         self.skipped = 0
         """Ticks of the rate without a request: the machine or the device was busy, or the port was gone."""
+        self.unread: Counter[str] = Counter()
+        """In how many rows a column could not be read."""
+        self.unread_why: dict[str, HandctlError] = {}
+        """Why not, the last time."""
         self.pending: list[Heard] = []
         """The marks that the next row gets."""
         self.on_row: Callable[[float, str], None] | None = None
@@ -108,16 +113,19 @@ class Recording:
         before = len(self.timeline.segments)
         place = self.timeline.place(sample.device_ms, sample.moment, reopened=self._reopened)
         stamp = Stamp(sample.moment.middle + self._utc_offset, place, seq)
-        mark = self._pending_text()
+        heard = self.pending[:MOST]
+        mark = _text(heard)
         text = self.source.layout.line(stamp, sample.values, "; ".join([*_notes(place), *([mark] if mark else [])]))
         with without_interrupts():
             if self.kept:
                 self._replace()
             self._append(text)
             self.timeline.count(place)
+            self.unread.update(sample.unread.keys())
+            self.unread_why |= sample.unread
             self._reopened = False
             self._first, self._last = self._first or stamp, stamp
-            self._keep_mark(self.rows)
+            self._keep_marks(heard, self.rows)
         if self.on_row is not None:
             self.on_row(sample.moment.middle, text)
         return 0 < before < len(self.timeline.segments)
@@ -126,12 +134,9 @@ class Recording:
         """The port was lost: the next row is the first of a segment, and an end before it is a hole."""
         self._reopened = lost
 
-    def _pending_text(self) -> str:
-        return clean("; ".join(mark.text for mark in self.pending))
-
-    def _keep_mark(self, row: int | None) -> None:
-        mark, heard, self.pending = self._pending_text(), self.pending, []
-        if mark:
+    def _keep_marks(self, heard: Sequence[Heard], row: int | None) -> None:
+        self.pending = self.pending[len(heard) :]
+        if mark := _text(heard):
             last = self._last.place if self._last else None
             boot, t_ms = (last.boot_ms, last.t_ms / 1000) if last else (None, None)
             timed = {"heard": [one.as_row() for one in heard]} if any(one.by for one in heard) else {}
@@ -139,7 +144,7 @@ class Recording:
 
     def end(self, silent: float = 0.0) -> None:
         """No more rows: a mark that waits for one is kept by the sidecar alone, without a row; so is a hole, and a gap of the `silent` seconds at the end."""
-        self._keep_mark(None)
+        self._keep_marks(self.pending, None)
         self.timeline.end(round(silent * 1000))
         if self._reopened:
             self._reopened = False
@@ -201,6 +206,7 @@ class Recording:
         """What keeps the file from being whole: nothing lost, all of it on the disk, ended as asked."""
         reasons = {
             "lost": self.lost > 0,
+            "unread": bool(self.unread),
             "port-lost": bool(self.timeline.holes),
             "not-synced": not self._on_disk,
             ended: ended not in AS_ASKED,
@@ -230,6 +236,7 @@ class Recording:
             "interval_ms": line.interval_row(),
             "lost": self.lost,
             "skipped": self.skipped,
+            "unread": self.unread,
             "standstill": line.standstill,
             "gaps": [[gap.boot_ms, gap.length_ms] for gap in line.gaps],
             "holes": [hole.as_row() for hole in line.holes],
@@ -271,6 +278,11 @@ class Recording:
 def schema(kind: str) -> str:
     """The name of a family's format."""
     return f"handctl-{kind}-log/1"
+
+
+def _text(heard: Sequence[Heard]) -> str:
+    """What a row says of its marks."""
+    return clean("; ".join(mark.text for mark in heard))
 
 
 def _notes(place: Place) -> list[str]:

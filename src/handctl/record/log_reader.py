@@ -37,6 +37,10 @@ LATEST_S = 253_402_300_800.0
 """The end of the year 9999, seconds since 1970: no clock of a host is later."""
 
 
+class Incomplete(UsageError):
+    """The file has other rows than a closed recording's sidecar counts, or not all of the last one."""
+
+
 class Channel(NamedTuple):
     """A column with a number of the device.
 
@@ -219,8 +223,13 @@ class LogFile:
 
     @property
     def clocked(self) -> bool:
-        """Whether the device has a clock, with a column."""
-        return self.lead != lead("")
+        """Whether the device has a clock."""
+        return bool(self.clock)
+
+    @property
+    def clock(self) -> str:
+        """The column of the device's clock, "" where it has none."""
+        return next((name for name, _ in self.lead if name not in dict(lead(""))), "")
 
     @property
     def closed(self) -> bool:
@@ -296,9 +305,8 @@ class LogFile:
             count += len(block.t_ms)
             yield block
         if self.sidecar and self.closed and self.sidecar.get("rows") != count:
-            raise damaged(
-                self.path, count + 1, f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"
-            )
+            counts = f"the file ends after {count} rows, its sidecar counts {self.sidecar.get('rows')}"
+            raise damaged(self.path, count + 1, counts, Incomplete)
 
     def _began_elsewhere(self, block: Block) -> bool:
         """Whether the first row has another time than the sidecar says."""
@@ -480,9 +488,9 @@ def _fixed(decimals: int) -> Callable[[str], object]:
     return re.compile(rf"-?[0-9]+\.[0-9]{{{decimals}}}" if decimals else "-?[0-9]+", re.ASCII).fullmatch
 
 
-def damaged(path: str, line: int, what: str) -> UsageError:
+def damaged(path: str, line: int, what: str, kind: type[UsageError] = UsageError) -> UsageError:
     """The error for a file that is not a whole log."""
-    return UsageError(
+    return kind(
         f"{path} line {line}: {what}",
         hint=f"choose another file: this one is not a log, or is corrupted. {UNTOUCHED}",
         code="damaged-log",
@@ -501,7 +509,7 @@ def too_long(path: str, line: int) -> UsageError:
 
 def cut_short(path: str, line: int) -> UsageError:
     """The error for a closed log whose last row has no end."""
-    return damaged(path, line, "the row is cut short")
+    return damaged(path, line, "the row is cut short", Incomplete)
 
 
 def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
@@ -510,8 +518,8 @@ def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
         text = read_text(path, "a sidecar", 16_000_000)
         content = json.loads(text)
         if "\\u" in text:
-            if isinstance(content, dict) and "marks" in content:  # older ones may have bytes there that are no UTF-8
-                content["marks"] = json.loads(as_text(json.dumps(content["marks"], ensure_ascii=False)))
+            for key in {"marks", "file", "link"} & content.keys() if isinstance(content, dict) else ():
+                content[key] = json.loads(as_text(json.dumps(content[key], ensure_ascii=False)))  # older ones
             json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
     except NoFile:
         return None

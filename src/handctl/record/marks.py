@@ -14,6 +14,8 @@ from handctl.system import clock
 
 LONGEST = 200
 """Characters of a mark; the rest is left out."""
+MOST = 40
+"""Marks of a row, so that no line becomes longer than a reader takes; the next row gets those that came after them."""
 
 
 class Heard(NamedTuple):
@@ -27,6 +29,11 @@ class Heard(NamedTuple):
     def as_row(self) -> dict[str, Any]:
         """For the sidecar."""
         return {"text": self.text, "host_utc_s": self.utc_s, "host_mono_s": self.mono_s, "by": self.by}
+
+
+def text_of(text: str) -> str:
+    """The text of a mark, whatever it came by: what every file can hold, and no more than LONGEST of it."""
+    return as_text(text).strip()[:LONGEST]
 
 
 class Marks:
@@ -57,7 +64,7 @@ class Marks:
 
     def put(self, mark: Heard) -> None:
         """A mark with its own time."""
-        if text := as_text(mark.text).strip()[:LONGEST]:
+        if text := text_of(mark.text):
             self._came.put(mark._replace(text=text))
 
     def take(self) -> Sequence[Heard]:

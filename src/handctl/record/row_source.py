@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
+from handctl.errors import HandctlError
 from handctl.model.device_clock import Moment
 from handctl.model.result import Row
 from handctl.record.csv_columns import Layout
@@ -15,13 +17,15 @@ from handctl.record.timeline import Place
 class Sample(NamedTuple):
     """One answer: when it was made by the link's clock and by the device's own, and what the layout makes a row of.
 
-    rows  the same as rows of `get`, made where somebody compares them with a limit
+    rows    the same as rows of `get`, made where somebody compares them with a limit
+    unread  the columns that could not be read, and why
     """
 
     moment: Moment
     values: Any
     device_ms: int | None = None
     rows: Callable[[], Sequence[Row]] = tuple
+    unread: Mapping[str, HandctlError] = MappingProxyType({})
 
 
 class Ended(Exception):

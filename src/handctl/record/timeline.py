@@ -210,8 +210,9 @@ class Timeline:
         self._usual = usual_ms
         self._recent: deque[int] = deque(maxlen=41)
         self._intervals: Counter[int] = Counter()
-        """Those between rows, but for what lies before a segment whose port was lost or whose device restarted; and which are gaps."""
-        self._within: list[int] = []
+        """Those between rows, but for what lies before a segment whose port was lost or whose device restarted."""
+        self._recorded, self._recorded_s = 0, 0.0
+        """How many of them are no gaps, and how long they took by the host's clock: the device's may stand still, or run wrong."""
         self._restarted = False
         self._parted = 0
         self.last = Place(None, Moment(0.0, 0.0), 0, 1)
@@ -283,11 +284,15 @@ class Timeline:
         if place.reopened:
             self.holes.append(Hole(self.rows + 1, place.segment, place.gap_ms, place.rebooted))
         if self.rows and not (place.reopened or place.rebooted):
-            self._recent.append(place.step_ms)
-            self._intervals[place.step_ms] += 1
-            self.standstill += place.boot_ms is not None and place.boot_ms == self.last.boot_ms
-            if place.gap_ms:
-                self._within.append(place.step_ms)
+            elapsed = place.mono_s - self.last.mono_s
+            still = place.boot_ms is not None and place.boot_ms == self.last.boot_ms
+            interval = round(elapsed * 1000) if still else place.step_ms
+            self._recent.append(interval)
+            self._intervals[interval] += 1
+            self.standstill += still
+            if not place.gap_ms:
+                self._recorded += 1
+                self._recorded_s += elapsed
         if place.gap_ms:
             self.gaps.append(Gap(place.boot_ms, place.gap_ms))
         if begins:
@@ -321,9 +326,7 @@ class Timeline:
 
     def rate_hz(self) -> float | None:
         """Rows per second of recorded time: gaps, restarts and lost ports do not count."""
-        count = sum(self._intervals.values()) - len(self._within)
-        recorded = sum(delta * n for delta, n in self._intervals.items()) - sum(self._within)
-        return round(count * 1000 / recorded, 2) if count > 0 and recorded > 0 else None
+        return round(self._recorded / self._recorded_s, 2) if self._recorded_s > 0 else None
 
     def interval_row(self) -> dict[str, int] | None:
         """Median, 99th percentile and longest interval between rows of a segment, ms."""

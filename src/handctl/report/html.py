@@ -14,7 +14,7 @@ from itertools import chain
 from handctl.charts.curves import Curve, draw, escape, unchanged
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
-from handctl.files import PAGE, PAGE_DATA
+from handctl.files import PAGE, PAGE_DATA, in_json
 from handctl.model.result import Cell, Grid, Message
 from handctl.wording import sentence
 
@@ -163,7 +163,7 @@ def _data(report: Report) -> str:
     if not report.data:
         return ""
     text = (
-        json.dumps(report.data, ensure_ascii=True)
+        in_json(json.dumps(report.data, ensure_ascii=False))
         .replace("<", "\\u003c")
         .replace(">", "\\u003e")
         .replace("&", "\\u0026")

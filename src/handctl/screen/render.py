@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import re
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from types import TracebackType
@@ -17,7 +16,7 @@ from typing import IO, TYPE_CHECKING, Any, Protocol
 
 from handctl import interrupts
 from handctl.errors import HandctlError, Interrupted, OutputError
-from handctl.files import appended, atomic_write, writing
+from handctl.files import appended, atomic_write, in_json, writing
 from handctl.model.result import Cell, Column, Grid, Journal, Row, Sample, Table
 from handctl.screen.sanitize import no_formula, shown, text_of, text_shown, utf8_stdout, value_shown
 from handctl.wording import plural
@@ -401,19 +400,11 @@ def _stream_lines(table: Table, samples: Iterator[Sample], how: str, sink: Sink,
 
 
 _ENCODER = json.JSONEncoder(ensure_ascii=False, allow_nan=False, check_circular=False)  # what rows hold is a tree
-_HALF = re.compile("[\ud800-\udfff]")
-"""Half of a character, as Python has a byte that is not UTF-8."""
 
 
 def dumps(value: Any) -> str:
-    """JSON that is UTF-8 whatever it holds: a byte of a path that is not UTF-8 becomes an escape, such as ``\\udcff``."""
-    text = _ENCODER.encode(value)
-    if not text.isascii():
-        try:
-            text.encode()  # far quicker than a search, and nearly always right
-        except UnicodeEncodeError:
-            return _HALF.sub(lambda found: f"\\u{ord(found[0]):04x}", text)
-    return text
+    """JSON that is UTF-8 whatever it holds."""
+    return in_json(_ENCODER.encode(value))
 
 
 def _row_shown(row: Row) -> Row:

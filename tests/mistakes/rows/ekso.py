@@ -10,6 +10,9 @@ NEVER = "tests/ekso/test_never_sent.py::test_what_hides_a_command_is_refused"
 
 SHARED = "tests/ekso/test_memory.py::test_another_state_folder_or_user_is_no_other_device"
 
+UNREAD = "tests/contract/test_log.py::test_what_was_not_read_is_missing"
+EDITED = "tests/ekso/test_formats.py::test_check_finds_what_was_edited"
+
 ROWS = (
     mistake(
         "ekso-steps-forgotten-with-the-state-folder",
@@ -261,6 +264,79 @@ ROWS = (
         '"lost": self.lost > 0,',
         '"lost": False,',
         "tests/ekso/test_recording.py::test_a_whole_log_is_complete_and_no_other",
+    ),
+    mistake(
+        "log-complete-although-unread",
+        "evidence believed",
+        "handctl.record.csv_and_sidecar",
+        "Recording.missing",
+        '"unread": bool(self.unread),',
+        '"unread": False,',
+        UNREAD,
+    ),
+    mistake(
+        "log-never-read-is-done",
+        "false success",
+        "handctl.command.log_command",
+        "_never_read",
+        "never = [column for column, rows in recording.unread.items() if rows == recording.rows]",
+        "never = [column for column, rows in recording.unread.items() if rows > recording.rows]",
+        UNREAD,
+    ),
+    mistake(
+        "log-rate-by-the-clock-that-stands",
+        "one witness believed",
+        "handctl.record.timeline",
+        "Timeline.count",
+        "elapsed = place.mono_s - self.last.mono_s",
+        "elapsed = place.step_ms / 1000",
+        "tests/ekso/test_recording.py::test_the_rate_is_that_of_the_host_s_clock",
+    ),
+    mistake(
+        "log-check-passes-an-edited-device-clock",
+        "one witness believed",
+        "handctl.record.clock_survey",
+        "Segment._follow",
+        "if others and self.number <= MOST_PARTED:",
+        "if False:",
+        EDITED,
+    ),
+    mistake(
+        "log-check-passes-a-seq-that-repeats",
+        "evidence believed",
+        "handctl.record.clock_survey",
+        "Surveyor._follow",
+        "if seq[0] <= self._seq or not all(map(lt, seq, seq[1:])):",
+        "if False:",
+        EDITED,
+    ),
+    mistake(
+        "log-check-passes-another-day",
+        "one witness believed",
+        "handctl.record.clock_survey",
+        "Surveyor._follow",
+        "if max(ahead) - self._ahead > SAME_S or self._ahead - min(ahead) > SAME_S:",
+        "if False:",
+        EDITED,
+    ),
+    mistake(
+        "log-check-passes-an-edited-mark",
+        "evidence believed",
+        "handctl.command.export_command",
+        "_others_in_sidecar",
+        'if not text.endswith(own) or NOTE.sub("", text.removesuffix(own)):',
+        "if row not in said:",
+        EDITED,
+    ),
+    mistake(
+        "sidecar-with-half-a-character",
+        "JSON not UTF-8",
+        "handctl.files",
+        "",
+        'SPELLED = "handctl-json"',
+        'SPELLED = "backslashreplace"',
+        "tests/contract/test_log.py::test_a_name_that_is_no_utf8_spoils_no_recording",
+        "tests/kernel/test_sanitize.py::test_what_is_no_utf8_is_text_in_each_output",
     ),
     mistake(
         "log-complete-although-the-disk-was-full",

@@ -288,8 +288,8 @@ ROWS = (
         "JSON not UTF-8",
         RENDER,
         "dumps",
-        'return _HALF.sub(lambda found: f"\\\\u{ord(found[0]):04x}", text)',
-        "return text",
+        "return in_json(_ENCODER.encode(value))",
+        "return _ENCODER.encode(value)",
         "tests/kernel/test_sanitize.py::test_json_is_utf8_and_lossless",
     ),
     mistake(

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.write_policy import STEP_SECONDS
 from handctl.errors import HandctlError, OutputError, UsageError
-from handctl.files import clash, in_turn, opened, state_path
+from handctl.files import SPELLED, clash, in_turn, opened, state_path
 from handctl.model.result import Journal
 from handctl.system import disk, file_locks, user_folders
 from handctl.wording import some
@@ -183,7 +183,7 @@ class AuditLog:
         failure: OutputError | None = None
         for log in reversed(self.every):  # the memory last: what it holds was not refused by another log
             try:
-                log._append(json.dumps(log._kept(entry), ensure_ascii=False).encode("utf-8", "backslashreplace"))
+                log._append(json.dumps(log._kept(entry), ensure_ascii=False).encode("utf-8", SPELLED))
             except OutputError as exc:
                 failure = failure or exc
                 if event == "intent":

@@ -19,8 +19,8 @@ from typing import NamedTuple, overload
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.parameter_map import DATA
 from handctl.devices.ekso.recording_source import column_of
+from handctl.record.clock_survey import Surveyor
 from handctl.record.log_reader import as_written
-from handctl.record.timeline import GAP_PERIODS
 
 LEFT, RIGHT = "left", "right"
 SIDES = (LEFT, RIGHT)
@@ -67,11 +67,12 @@ ONE_SENSOR = "one sensor only, so neither contact nor stance is certain"
 
 
 class Stretch(NamedTuple):
-    """One segment of a log: seconds, and for each signal, such as "left_toe", a value a row."""
+    """One segment of a log: seconds, and for each signal, such as "left_toe", a value a row; the rows (from 0) before which some are missing."""
 
     number: int
     t: MutableSequence[float]
     signals: Mapping[str, Sequence[float]]
+    gaps: Sequence[int] = ()
 
     def at(self, moment: float) -> int:
         """The first row that is not before the moment."""
@@ -170,9 +171,11 @@ def stretches(log: LogFile) -> list[Stretch]:
     quantities = {name: next(q for q in DATA if column_of(q) == column) for name, column in COLUMNS.items()}
     found: dict[int, tuple[array[float], dict[str, array[int]]]] = {}
     made: list[Stretch] = []
+    reading = Surveyor(log, log.fits)
     for block in log.blocks(as_written):
-        for number in sorted(set(block.segments)):
-            part = block.of(number)
+        parts = {number: block.of(number) for number in sorted(set(block.segments))}
+        reading.take(parts)
+        for number, part in parts.items():
             if number not in found:
                 scaled = {name: Scaled(10**quantity.decimals) for name, quantity in quantities.items()}
                 found[number] = array("d"), {name: one.integers for name, one in scaled.items()}
@@ -182,6 +185,10 @@ def stretches(log: LogFile) -> list[Stretch]:
             t.extend(t_ms / 1000 for t_ms in part.t_ms)
             for name, quantity in quantities.items():
                 signals[name].extend(log.numbers(quantity).of(part.columns[COLUMNS[name]]))
+    for at, one in enumerate(made):
+        first = reading.found.segments[one.number].first_row
+        rows = range(first, first + len(one.t))
+        made[at] = one._replace(gaps=[row - first for row in reading.found.gap_rows if row in rows])
     return made
 
 
@@ -429,10 +436,8 @@ def _period(found: Sequence[Stretch]) -> float:
 
 
 def _gaps(stretch: Stretch) -> list[tuple[float, float]]:
-    """The moments between which samples are missing."""
-    periods = Ordered(b - a for a, b in pairwise(stretch.t))
-    longest = GAP_PERIODS * max(periods[len(periods) // 2], 0.005)
-    return [(a, b) for a, b in pairwise(stretch.t) if b - a > longest]
+    """The moments between which samples are missing, as the recorder found them."""
+    return [(stretch.t[at - 1], stretch.t[at]) for at in stretch.gaps]
 
 
 # -- steps --------------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from importlib import import_module
 from typing import Any
 
 from handctl.errors import UsageError
-from handctl.files import writing
+from handctl.files import as_text, writing
 from handctl.model.export_formats import FORMATS
 from handctl.record.clock_survey import ClockLine, Event, Survey, Surveyor, survey
 from handctl.record.log_reader import Block, LogFile, a_number
@@ -163,4 +163,4 @@ def write(export: Export, kind: str) -> None:
 
 def name_of(export: Export) -> str:
     """The log's name, for a title."""
-    return os.path.splitext(os.path.basename(export.log.path))[0] or export.log.kind
+    return as_text(os.path.splitext(os.path.basename(export.log.path))[0]) or export.log.kind

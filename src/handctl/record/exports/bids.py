@@ -17,6 +17,7 @@ from datetime import datetime, timezone
 from typing import TYPE_CHECKING, Any
 
 from handctl.errors import UsageError
+from handctl.files import SPELLED
 from handctl.record.clock_survey import BREAK, GAP
 from handctl.record.csv_columns import clean
 from handctl.record.exports import name_of
@@ -75,7 +76,7 @@ def _dataset(export: Export, folder: str) -> None:
         "Name": f"{name_of(export)}{simulated}", "BIDSVersion": "1.10.0", "DatasetType": "raw",
         "GeneratedBy": [{"Name": "handctl", "Version": export.tool.rpartition(" ")[2]}],
     })  # fmt: skip
-    with open(os.path.join(folder, "README"), "w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+    with open(os.path.join(folder, "README"), "w", encoding="utf-8", errors=SPELLED, newline="") as file:
         file.write(
             f"The recording {os.path.basename(log.path)} of the device family {log.kind}{simulated}, exported by {export.tool}.\n\n"
             "Each run is a segment of the recording: it ends where the port was lost, the device restarted, or its clock and the\n"
@@ -170,10 +171,10 @@ def _events(export: Export, number: int, begin: float) -> list[tuple[str, ...]]:
 
 
 def _json(path: str, content: dict[str, Any]) -> None:
-    with open(path, "w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+    with open(path, "w", encoding="utf-8", errors=SPELLED, newline="") as file:
         json.dump(content, file, indent=1, ensure_ascii=False, allow_nan=False)
 
 
 def _tsv(path: str, names: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    with open(path, "w", encoding="utf-8", errors="backslashreplace", newline="") as file:
+    with open(path, "w", encoding="utf-8", errors=SPELLED, newline="") as file:
         file.writelines("\t".join(row) + "\n" for row in (names, *rows))
