@@ -327,6 +327,9 @@ class RegisterDevice(Device):
     def confirm_identity(self, *, keeps: bool = True) -> None:
         """Identify the device more closely before asking the user; `keeps`: before a permanent write. Raises as `identify` does."""
 
+    def ready_to_ask(self) -> None:
+        self.bus.ready_to_ask()
+
     def will_move(self) -> None:
         super().will_move()
         self._moving = True
