@@ -45,6 +45,15 @@ ROWS = (
         "tests/contract/test_two_replies.py::test_a_write_that_two_would_obey_is_neither_asked_about_nor_sent",
     ),
     mistake(
+        "exo-an-end-of-calibration-too-soon",
+        "evidence believed",
+        "handctl.devices.inspire.calibration",
+        "wait_for_calibration",
+        "if (elapsed := bus.link.now() - started) < least:",
+        "if (elapsed := bus.link.now() - started) < 0.0:",
+        "tests/inspire/test_exo_motion.py::test_an_end_before_the_documented_steps_can_be_over_is_not_believed",
+    ),
+    mistake(
         "id-that-waits-called-unchanged",
         "evidence believed",
         "handctl.devices.inspire.id_baud_save_reset",
