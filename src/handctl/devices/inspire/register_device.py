@@ -444,15 +444,16 @@ class RegisterDevice(Device):
                     exc.add_aftermath(Aftermath(hint=f"already written: {', '.join(written)}", joint=". "))
                 raise
             written.append(_names(run))
-        return self._verify(changes)
+        return self.verify(changes)
 
     def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
         """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
         lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
         if lost is not None and not last:
-            self._verify(run)
+            self.verify(run)
 
-    def _verify(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+    def verify(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Read back what was written. Raises CheckFailed where the device holds something else."""
         wanted = [value for _, value in changes]
         readings = self.bus.read_back(
             lambda: self.read([element for element, _ in changes]),
