@@ -489,10 +489,14 @@ class Device(ABC):
         if not absent or len(lacks) > len(has):
             return list(readings)
         names = ", ".join(lacks)
-        text = f"not on this firmware: {names}"
+        refused = is_refused(absent)
+        text = (
+            f"not on this firmware: {names}"
+            if refused
+            else f"no reply to reads of {names}: perhaps not on this firmware"
+        )
         if not any(message.text == text for message in self.journal.messages):
-            said, why = reply_text(self._line.where, absent[0]), absent[0].error
-            refused = why is not None and why.exit_code == NotPresent.exit_code
+            said = reply_text(self._line.where, absent[0])
             self.journal.info(NOT_THERE, text, hint=f"it replied: {said}" if refused else said)
         return [reading for reading in readings if reading not in absent]
 
@@ -596,6 +600,11 @@ class Device(ABC):
 def reply_text(where: str, reading: Reading) -> str:
     """The reply of the device to a read that failed, without the name of the link."""
     return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
+
+
+def is_refused(absent: Sequence[Reading]) -> bool:
+    """Whether the device has refused all of these reads; silence to them may also have another cause."""
+    return all(one.error is not None and one.error.exit_code == NotPresent.exit_code for one in absent)
 
 
 # -- check of the identity, before the first write ---------------------------------------------------------------------------

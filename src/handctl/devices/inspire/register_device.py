@@ -196,7 +196,9 @@ class BlockReader:
                 )
                 self._most, failed = min(self._most, len(group.span) - 1), None
         if failed is not None:
-            if memory.blocks and self._lacks(span, memory, failed, len(group.span)):
+            # A group of which some elements were read is on this firmware, whatever the others do.
+            whole = span[0] == group.address
+            if whole and memory.blocks and self._lacks(span, memory, failed, len(group.span)):
                 failed = self._absent[group.name] = NotPresent.shown_by(failed)
             if not memory.blocks:
                 raise failed
