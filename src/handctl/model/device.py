@@ -489,14 +489,11 @@ class Device(ABC):
         if not absent or len(lacks) > len(has):
             return list(readings)
         names = ", ".join(lacks)
-        refused = is_refused(absent)
-        text = (
-            f"not on this firmware: {names}"
-            if refused
-            else f"no reply to reads of {names}: perhaps not on this firmware"
-        )
+        may = f"no reply to reads of {names}: perhaps not on this firmware"
+        text = may if is_silent(absent) else f"not on this firmware: {names}"
         if not any(message.text == text for message in self.journal.messages):
-            said = reply_text(self._line.where, absent[0])
+            said, why = reply_text(self._line.where, absent[0]), absent[0].error
+            refused = why is not None and why.exit_code == NotPresent.exit_code
             self.journal.info(NOT_THERE, text, hint=f"it replied: {said}" if refused else said)
         return [reading for reading in readings if reading not in absent]
 
@@ -602,9 +599,9 @@ def reply_text(where: str, reading: Reading) -> str:
     return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
 
 
-def is_refused(absent: Sequence[Reading]) -> bool:
-    """Whether the device has refused all of these reads; silence to them may also have another cause."""
-    return all(one.error is not None and one.error.exit_code == NotPresent.exit_code for one in absent)
+def is_silent(absent: Sequence[Reading]) -> bool:
+    """Whether the device did not reply to some of these reads, which may have another cause than that it lacks them."""
+    return any(one.error is not None and one.error.exit_code == NoAnswer.exit_code for one in absent)
 
 
 # -- check of the identity, before the first write ---------------------------------------------------------------------------
