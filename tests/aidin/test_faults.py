@@ -34,6 +34,7 @@ def test_the_rest_of_a_damaged_answer_is_there() -> None:
     wrong = {row["key"] for row in result.rows if "error" in row}
     assert result.code == 5 and wrong == {"motor_pos", "task_space_pos"} and len(result.rows) == 95
     assert all(row["value"] is not None for row in result.rows if row["key"] not in wrong)
+    assert "homed-unknown" not in result.codes(), "encoders that could not be read are not 0"
 
 
 @each_row("fault", ["healthy", "silent", "dribble", "noise", "truncate", "unclosed"])

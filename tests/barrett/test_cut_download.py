@@ -11,6 +11,7 @@ from handctl.devices.barrett import state_files
 from handctl.link.fake import FakeLink
 from tests.barrett.srecords import END, HEADER, record
 from tests.support.cli import Result, run
+from tests.support.each_row import each_row
 
 LINES = [HEADER, *(record(0x2000 + place, bytes(32)) for place in range(0, 320, 32)), END]
 
@@ -23,7 +24,7 @@ class Bench:
     """A hand whose port is a real one, as far as the notes are concerned. `wire` has what reached it."""
 
     def __init__(self, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.folder, self.wire, self.dies_behind = folder, list[bytes](), 10**9
+        self.folder, self.wire, self.dies_behind, self.more = folder, list[bytes](), 10**9, ""
         (folder / "fw.s19").write_text("\n".join(LINES), encoding="ascii")
         write = FakeLink.write
 
@@ -40,7 +41,9 @@ class Bench:
     def do(self, *words: str) -> Result:
         self.wire.clear()
         env = {"XDG_STATE_HOME": str(self.folder)}
-        return run("barrett", *words, "-p", "fake://barrett?clock=virtual&image-records=10", "--json", env=env)
+        return run(
+            "barrett", *words, "-p", f"fake://barrett?clock=virtual&image-records=10{self.more}", "--json", env=env
+        )
 
     def cut(self) -> None:
         self.dies_behind = 40
@@ -73,6 +76,17 @@ def test_a_whole_download_ends_it(bench: Bench) -> None:
     bench.cut()
     assert bench.do("firmware", "download", str(bench.folder / "fw.s19"), "--yes").code == 0
     assert bench.do("status").code == 0 and bench.do("stop").code == 0
+
+
+@each_row("found", ["ready", "boot", "loop"])
+def test_neither_a_banner_nor_a_prompt_ends_it(found: str, bench: Bench) -> None:
+    """Half an image may print them, and moves nothing or anything. Who has loaded it otherwise says so."""
+    bench.more = f"&found={found}"
+    bench.cut()
+    result = bench.do("status")
+    assert (result.code, bench.wire) == (6, []) and str(state_files.downloads_path()) in result.err
+    state_files.downloads_path().unlink()
+    assert bench.do("status").code == 0
 
 
 def test_a_download_that_was_not_begun_leaves_no_note(bench: Bench) -> None:

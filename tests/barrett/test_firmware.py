@@ -158,6 +158,22 @@ def test_the_moment_was_missed() -> None:
     assert "Nothing was loaded" in str(run.error.hint) and "image valid" in run.image
 
 
+def test_a_monitor_that_invites_twice_is_one() -> None:
+    link = Operated()
+    inner, invited = link.inner.read, list[bytes]()
+
+    def twice(deadline: Deadline, size: int = 4096) -> bytes:
+        data = inner(deadline, size)
+        if data != b":" or invited:
+            return data
+        invited.append(data)
+        return b"::"
+
+    link.inner.read = twice  # type: ignore[method-assign]
+    run = Run(link=link, prompts=Operator(link))
+    assert run.error is None and sha(DATA) in run.image and invited
+
+
 def test_a_second_switching_after_the_missed_moment() -> None:
     link = Operated("window=0.5&boot=0.6&switch=40,46")
     prompts = Operator(link)

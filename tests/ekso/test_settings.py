@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 
+from handctl.devices.ekso.explain_bytes import EksoWriteRules
 from handctl.devices.ekso.parameter_map import EKSO
 from handctl.devices.ekso.setting_change import Change, differences
 from handctl.devices.ekso.stillness import moving
@@ -27,6 +28,7 @@ from handctl.errors import (
     ProtocolError,
     UsageError,
 )
+from handctl.link.transcript import observed
 from handctl.model.device_clock import Span
 from tests.ekso.bench import Bench, change
 from tests.ekso.support import (
@@ -366,7 +368,11 @@ def test_accepted_without_effect(bench: Bench) -> None:
 
 def test_refused_and_yet_taken(bench: Bench) -> None:
     bench.unit.on = {SET: lambda msg_id, body: [(0.001, frame(SET, msg_id, take(bench, body, 2)))]}
+    ledger = bench.port.journal.ledger
+    ledger.words = EksoWriteRules()
+    observed(bench.port.link, ledger)
     assert "the new value reads back" in bench.failing(CheckFailed, "step_length=16").text
+    assert [row["state"] for row in ledger.rows()] == ["sent"], "neither refused nor confirmed"
 
 
 @each_row(

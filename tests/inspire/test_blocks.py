@@ -170,6 +170,14 @@ def test_a_group_that_is_not_there_leaves_the_others() -> None:
     assert (found.value, found.error and found.error.exit_code) == (None, 4)
 
 
+def test_a_group_of_which_a_part_is_silent_is_on_this_firmware() -> None:
+    hand = hand_on(without(1596, 2))
+    table = hand.dump()
+    assert table.failure is not None and table.failure.exit_code == 4
+    assert {row["name"] for row in table.rows if "error" in row} == {"current"}
+    assert "not-on-this-firmware" not in codes(hand)
+
+
 def test_a_group_that_is_silent_while_all_are_is_not_called_missing() -> None:
     """It answers no read across gaps, and nothing at all from its errors on."""
     over: list[bool] = []

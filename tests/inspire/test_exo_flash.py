@@ -5,9 +5,12 @@ from __future__ import annotations
 import pytest
 
 from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.explain_bytes import words
 from handctl.errors import DeviceRefused, HandctlError, LinkError, NoAnswer
 from handctl.model.prompts import Prompts
+from handctl.model.result import Table
+from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.scripted import (
     Reply,
@@ -18,6 +21,7 @@ from tests.support.scripted import (
     hand_on,
     hexed,
     message,
+    observed_hand,
     unhex,
     values,
     zeros_to_reads,
@@ -99,7 +103,7 @@ def test_saved(flag: int) -> None:
     hand, link = fake_hand(f"result-flag={flag}")
     table = id_baud_save_reset.save(hand, Prompts())
     assert values(table) == ["saved"]
-    assert link.now() == pytest.approx(1.0, abs=0.1)
+    assert link.now() == pytest.approx(2.5, abs=0.1), "another result may contradict the first"
     assert [hexed(request) for request in link.sent] == [SAVE]
 
 
@@ -137,6 +141,11 @@ def test_save_without_a_result_is_a_note() -> None:
         pytest.param([(0.0, SAVE_ACK), (1.0, SAVED[:14]), (1.2, SAVED[14:])], "saved", id="result in two pieces"),
         pytest.param([(0.0, SAVE_ACK), (1.0, SAVE_FAILED)], "save-failed", id="failed"),
         pytest.param([(1.0, SAVE_FAILED)], "save-failed", id="lost ack, failed"),
+        pytest.param([(0.0, SAVE_ACK), (0.8, SAVED), (1.2, SAVE_FAILED)], "save-failed", id="saved, then failed"),
+        pytest.param([(0.0, SAVE_ACK), (0.8, SAVE_FAILED), (1.2, SAVED)], "save-failed", id="failed, then saved"),
+        pytest.param(
+            [(0.0, SAVE_ACK), (1.0, "90 EB 01 04 11 ED 03 5A 60")], "save-unknown", id="a result of no meaning"
+        ),
         pytest.param([(0.0, "90 EB 01 04 12 ED 03 00 07")], "refused", id="refused"),
         pytest.param([(0.0, SAVE_ACK), (1.0, "90 EB 01 04 11 ED 03 00 07")], "accepted", id="spoiled result"),
         pytest.param([], "no-answer", id="silence"),
@@ -147,15 +156,31 @@ def test_save_without_a_result_is_a_note() -> None:
 def test_answers_to_a_save(replies: list[tuple[float, str]], result: str) -> None:
     """Nothing is sent while it waits; 1005 is never read afterwards (its reply would look like the result)."""
     link = ScriptedLink(lambda request: [(delay, unhex(data)) for delay, data in replies])
-    hand = hand_on(link, retries=3)
+    hand = observed_hand(link, retries=3)
     if result in ("saved", "accepted"):
         assert values(id_baud_save_reset.save(hand, Prompts())) == [result]
     else:
         with pytest.raises(HandctlError) as caught:
             id_baud_save_reset.save(hand, Prompts())
         assert caught.value.code == result
+        assert result != "save-unknown" or caught.value.exit_code == 7, "nothing says that it failed"
+    (write,) = hand.journal.ledger.rows()
+    assert (write["state"] == "confirmed") == (result == "saved"), write
     assert [hexed(request) for request in link.sent] == [SAVE]
     assert link.now() < 6.0
+
+
+def test_a_setting_that_is_gone_after_the_save_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    saved = id_baud_save_reset._save
+
+    def reverts(hand: ExoHand, prompts: Prompts) -> Table:
+        table = saved(hand, prompts)
+        hand.bus.write(1001, b"\0")
+        return table
+
+    monkeypatch.setattr(id_baud_save_reset, "_save", reverts)
+    result = run("exo", "baud", "57600", "--save", "-y", "--json", "-p", "fake://exo?clock=virtual")
+    assert (result.code, result.error["code"], result.json["writes"][0]["state"]) == (7, "read-back", "sent"), result
 
 
 def test_silence_after_a_save_says_that_nothing_is_known() -> None:

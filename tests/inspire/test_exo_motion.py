@@ -80,7 +80,7 @@ def calibrating(*replies: tuple[float, str]) -> ScriptedLink:
     return ScriptedLink(answer)
 
 
-@each_row("moment", [0.01, 0.249, 0.2499, 0.25, 0.2501, 5.0, 9.75, 29.9])
+@each_row("moment", [9.01, 9.249, 9.2499, 9.25, 9.2501, 14.0, 18.75, 29.9])
 @each_row("cut", [1, 2, 4, 8])
 def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
     """Bluetooth and USB adapters split frames anywhere (dossier 1.1); no moment may lose one."""
@@ -107,7 +107,7 @@ def test_end_of_calibration_in_two_pieces(moment: float, cut: int) -> None:
 def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
     end: int | None, errors: tuple[int, ...] | None, value: str, code: str | None
 ) -> None:
-    reported = [] if end is None else [(3.0, f"90 EB 01 04 11 02 00 {end:02X} {(0x18 + end) % 256:02X}")]
+    reported = [] if end is None else [(12.0, f"90 EB 01 04 11 02 00 {end:02X} {(0x18 + end) % 256:02X}")]
     link = calibrating((0.0, CALIBRATE_ACK), *reported)
     plain: Callable[[bytes], list[Reply]] = link.answer  # type: ignore[assignment]
 
@@ -131,7 +131,32 @@ def test_calibration_is_judged_by_its_report_and_by_the_errors_after_it(
 
 def test_ack_and_end_of_calibration_in_one_piece() -> None:
     link = calibrating((0.1, f"{CALIBRATE_ACK} {CALIBRATED}"))
-    assert calibration.calibrate(hand_on(link), Prompts()).rows[0]["value"] == "completed"
+    calibration.calibrate(hand := hand_on(link), Prompts())
+    assert codes(hand)[0] == "early-end"
+
+
+FAILED = "90 EB 01 04 11 02 00 FF 17"
+
+
+@each_row(
+    ("reports", "value", "code", "until"),
+    [
+        ([(0.05, CALIBRATED)], "not reported", None, 30.0),
+        ([(8.9, CALIBRATED)], "not reported", None, 30.0),
+        ([(0.05, CALIBRATED), (12.0, CALIBRATED)], "completed", None, 12.0),
+        ([(0.05, FAILED)], "ended", "not-calibrated", 30.0),
+        ([(0.05, FAILED), (12.0, CALIBRATED)], "completed", None, 12.0),
+    ],
+)
+def test_an_end_before_the_documented_steps_can_be_over_is_not_believed(
+    reports: list[tuple[float, str]], value: str, code: str | None, until: float
+) -> None:
+    """The steps wait 9 s, and nothing is sent while they may be running (exo §2.3.6)."""
+    link = calibrating((0.0, CALIBRATE_ACK), *reports)
+    table = calibration.calibrate(hand := hand_on(link), Prompts())
+    assert (table.rows[0]["value"], table.failure.code if table.failure else None) == (value, code)
+    assert "early-end" in codes(hand) and link.sent_at[1] >= until
+    assert table.failure is None or table.failure.exit_code == 7
 
 
 def test_calibration_refused_or_unanswered() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import pytest
 
@@ -25,6 +26,7 @@ from tests.support.scripted import (
     hand_on,
     hexed,
     message,
+    observed_hand,
     reply_to,
     script,
     unhex,
@@ -230,6 +232,28 @@ def test_hand_gone_after_the_id_change() -> None:
         id_baud_save_reset.change_id(hand_on(link), 2)
     assert "scan" in caught.value.hint
     assert changing(link.sent) == [ID_2]
+
+
+@each_row(
+    ("replies", "state"),
+    [
+        ({}, "sent"),  # it is gone
+        ({PROBE_2: HERE_1}, "sent"),  # it answers with the old id
+        ({PROBE_2: HERE_2, READ_ID_2: "90 EB 02 04 11 E8 03 07 09"}, "sent"),
+        ({PROBE_2: HERE_2, READ_ID_2: ID_IS_2}, "confirmed"),
+    ],
+)
+def test_an_acknowledged_id_change_is_confirmed_only_by_the_new_id(replies: dict[str, str], state: str) -> None:
+    def answer(request: bytes) -> list[Reply]:
+        text = hexed(request)
+        known = {**replies, ID_2: "90 EB 01 04 12 E8 03 01 03"} if ID_2 in changing(link.sent) else {PROBE_1: HERE_1}
+        return [(0.0, unhex(known[text]))] if text in known else []
+
+    hand = observed_hand(link := ScriptedLink(answer))
+    with suppress(HandctlError):
+        id_baud_save_reset.change_id(hand, 2)
+    (write,) = hand.journal.ledger.rows()
+    assert (write["state"], bool(write["next"])) == (state, state == "sent"), write
 
 
 def test_an_interrupted_id_change_names_the_id_the_hand_may_have() -> None:

@@ -43,6 +43,15 @@ def test_nothing_that_strands_reaches_two_devices_with_one_id(kind: str, apart: 
             assert (result.code, result.error["code"], written) == (6, "twin-id", []), (model, words, result)
 
 
+@each_row("verb", ["angle 0 0 0 0 0 0", "speed 9 9 9 9 9 9", "calibrate", "clear-errors", "set speed_set.ring=500"])
+def test_nothing_at_all_is_written_where_a_read_got_two_replies(verb: str, tmp_path: Path) -> None:
+    """But a stop is sent."""
+    link = bus(tmp_path, "hand", "serial-server", 1, 1, apart=0.03)
+    result, written = try_(tmp_path, "hand", tuple(verb.split()), link)
+    assert (result.code, result.error["code"], written) == (6, "twin-id", []), result
+    assert try_(tmp_path, "hand", ("stop",), link)[1]
+
+
 @each_row("kind", list(STRANDING))
 @each_row("model", LINES)
 def test_one_device_among_others_is_no_pair(kind: str, model: str, tmp_path: Path) -> None:

@@ -97,6 +97,8 @@ def test_each_url_of_pyserial_leads_to_one_place_or_is_refused(monkeypatch: pyte
         ("hwgrep://.", 3, "2 ports match: /dev/null, /dev/zero"),
         ("hwgrep://nothing", 3, "no port matches"),
         ("other:///dev/null", 2, "not a known kind of link"),
+        ("fake:exo", 2, "// is missing"),
+        ("tcp:/127.0.0.1", 2, "// is missing"),
         ("alt:///dev/null?class=Nothing", 2, "unknown class"),
         ("spy://[x", 2, "IPv6"),
         ("socket://127.0.0.1", 3, "cannot open"),

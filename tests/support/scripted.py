@@ -8,8 +8,10 @@ import random
 from collections.abc import Callable, Iterable, Sequence
 
 from handctl.devices.inspire.exo.device import ExoHand
+from handctl.devices.inspire.exo.explain_bytes import words
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.link import ByteLink, Deadline, open_link
+from handctl.link.transcript import observed
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, Table
 
@@ -191,6 +193,14 @@ def script(*exchanges: tuple[str, Sequence[str | Reply]], free: bool = False) ->
 def hand_on(link: ByteLink, device_id: int = 1, **options: object) -> ExoHand:
     """A hand behind `link`; options are those of SerialBus."""
     return ExoHand(SerialBus(link, device_id, Journal(), **options))  # type: ignore[arg-type]
+
+
+def observed_hand(link: ByteLink, **options: object) -> ExoHand:
+    """The same, with a ledger that sees the link."""
+    hand = hand_on(link, **options)
+    hand.journal.ledger.words = words()
+    observed(link, hand.journal.ledger)
+    return hand
 
 
 def fake_link(query: str = "", baud: int | None = 115200) -> RecordedLink:

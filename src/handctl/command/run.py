@@ -324,6 +324,8 @@ class Run(Invocation):
             tell_unasked(self, told(question, changes), steps)
             return
         self.need_answer(told(question, changes))
+        if self.opened is not None:
+            self.opened.ready_to_ask()
         self.outcome.tell()  # who is asked must know of it before answering
         for line in (*shown_steps(steps, self.settings, changes), *(changes.lines() if changes else ())):
             self.prompts.say(line)

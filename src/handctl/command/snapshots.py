@@ -31,7 +31,7 @@ from handctl.errors import (
     joined,
 )
 from handctl.files import PAGE, PAGE_DATA, atomic_write, in_json, in_page, read_text, why_unwritable, writing
-from handctl.model.device import NOT_THERE, question
+from handctl.model.device import NOT_THERE, is_silent, question
 from handctl.model.param import COMMAND, MOVES, PUSHES, SETTING, Changes, Element, Number, ParamMap, Step, ValueChange
 from handctl.model.result import Column, Row, Table
 
@@ -60,8 +60,9 @@ def read_values(device: Device, elements: Sequence[Element], needed: Collection[
     if lacking := [one for one in every if one.element.full_name in {*needed} - there]:
         names, first = [one.element.full_name for one in lacking], lacking[0].error
         assert first is not None
+        lacks = "the device does not reply to reads of" if is_silent(lacking) else "this firmware does not have"
         raise first.reworded(
-            f"{device.link.name}: this firmware does not have {', '.join(whole_names(names, needed))}: {first.text}",
+            f"{device.link.name}: {lacks} {', '.join(whole_names(names, needed))}: {first.text}",
             hint=skipping(names, needed),
             code=NOT_THERE,
         )

@@ -85,6 +85,9 @@ def open_link(
         return CanLink(link, exclusive=exclusive, listening=listening)
     if not link:
         raise UsageError("the LINK is empty", hint="give a port, such as -p /dev/ttyUSB0, or --fake")
+    kind, colon, rest = link.partition(":")
+    if colon and kind in ("fake", "tcp"):
+        raise UsageError(f"{link}: // is missing behind {kind}:", hint=f"give {kind}://{rest.lstrip('/')}")
     from handctl.link.serial import open_serial
 
     return open_serial(link, baud, exclusive=exclusive)

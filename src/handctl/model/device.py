@@ -214,13 +214,14 @@ class Line:
         assert isinstance(made, ProtocolError)
         return made
 
-    def two_replies(self, first: object, second: object) -> None:
+    def two_replies(self, first: object, second: object) -> bool:
         """Warn once that one read got two replies with different data, as far as that was seen without waiting for it.
 
-        Where a request was given up, the other one may be its late reply: then nothing is claimed.
+        Where a request was given up, the other one may be its late reply: then nothing is claimed. Returns whether it is.
         """
-        said = any(message.code == TWO_REPLIES for message in self.journal.messages)
-        if not said and not self.journal.counters.retries and not self.gave_up:
+        if self.journal.counters.retries or self.gave_up:
+            return False
+        if not any(message.code == TWO_REPLIES for message in self.journal.messages):
             self.journal.warn(
                 TWO_REPLIES,
                 f"{self.where}: one request got two different replies: {first}, then {second}. The values may come from either of them",
@@ -229,6 +230,7 @@ class Line:
                     f"doctor -p {self.link.name}",
                 ),
             )
+        return True
 
     def unanswered(self, request: str, allowed: float, since: float, hint: str) -> NoAnswer:
         """The error of silence: `request` was sent at the moment `since`, and `allowed` seconds were to be waited.
@@ -487,7 +489,8 @@ class Device(ABC):
         if not absent or len(lacks) > len(has):
             return list(readings)
         names = ", ".join(lacks)
-        text = f"not on this firmware: {names}"
+        may = f"no reply to reads of {names}: perhaps not on this firmware"
+        text = may if is_silent(absent) else f"not on this firmware: {names}"
         if not any(message.text == text for message in self.journal.messages):
             said, why = reply_text(self._line.where, absent[0]), absent[0].error
             refused = why is not None and why.exit_code == NotPresent.exit_code
@@ -540,6 +543,9 @@ class Device(ABC):
         """
         return None
 
+    def ready_to_ask(self) -> None:  # noqa: B027 - most devices are alone on their line
+        """Called before a question about a write. Sends nothing; raises DeviceRefused where it is already known that the write would be refused."""
+
     def admit(self, data: bytes, can_id: int | None) -> None:
         """Called before typed bytes that may write are sent. Raises NotIdentified."""
         self.identify()
@@ -591,6 +597,11 @@ class Device(ABC):
 def reply_text(where: str, reading: Reading) -> str:
     """The reply of the device to a read that failed, without the name of the link."""
     return reading.error.text.removeprefix(where).lstrip(": ") if reading.error is not None else ""
+
+
+def is_silent(absent: Sequence[Reading]) -> bool:
+    """Whether the device did not reply to some of these reads, which may have another cause than that it lacks them."""
+    return any(one.error is not None and one.error.exit_code == NoAnswer.exit_code for one in absent)
 
 
 # -- check of the identity, before the first write ---------------------------------------------------------------------------

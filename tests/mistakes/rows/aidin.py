@@ -401,4 +401,13 @@ ROWS = (
         "elif not follows:",
         "tests/aidin/test_quality.py::test_a_log_has_a_row_for_each_object_of_a_stream",
     ),
+    mistake(
+        "aidin-unread-encoders-called-zero",
+        "evidence believed",
+        "handctl.devices.aidin.device",
+        "AidinHand.status",
+        "if encoders and all(value == 0 for value in encoders):",
+        "if encoders and not any(encoders):",
+        "tests/aidin/test_faults.py::test_the_rest_of_a_damaged_answer_is_there",
+    ),
 )

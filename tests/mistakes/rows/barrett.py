@@ -913,4 +913,13 @@ ROWS = (
         "if False:",
         "tests/barrett/test_cut_download.py::test_what_follows_sends_nothing_into_the_image",
     ),
+    mistake(
+        "barrett-a-banner-ends-a-cut-download",
+        "evidence believed",
+        "handctl.devices.barrett.gcl.session_start",
+        "SessionStart.run",
+        "if state_files.is_half_loaded(self.link):",
+        'if state_files.is_half_loaded(self.link) and b"=>" not in self._hear(9.0):',
+        "tests/barrett/test_cut_download.py::test_neither_a_banner_nor_a_prompt_ends_it",
+    ),
 )

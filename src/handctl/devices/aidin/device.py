@@ -141,7 +141,7 @@ class AidinHand(Device):
             elif state == "skipped":
                 self.journal.info("unchanged", evidence)
         encoders = [row.get("value") for row in table.rows if row["name"] == "motor_pos"]
-        if encoders and not any(encoders):
+        if encoders and all(value == 0 for value in encoders):
             from handctl.devices.aidin.remedies import ALL_ZERO, REMEDIES
 
             self.journal.info("homed-unknown", ALL_ZERO, REMEDIES["all-zero"].hint)

@@ -60,8 +60,7 @@ def speed_of(name: str) -> int | None:
 
 
 def remember(link: ByteLink) -> None:
-    """This link's present speed is the hand's; 9600, which is tried first anyway, is forgotten. It has firmware, too."""
-    forget_download(link)
+    """This link's present speed is the hand's; 9600, which is tried first anyway, is forgotten."""
     if not _counts(link):
         return
     known = _speeds()
@@ -81,7 +80,7 @@ def note_download(link: ByteLink) -> None:
 
 
 def forget_download(link: ByteLink) -> None:
-    """The hand on this link has whole firmware."""
+    """A whole download into the hand on this link: nothing else shows that its firmware is complete."""
     if is_half_loaded(link):
         _keep_download(link.name, None)
 
@@ -100,16 +99,21 @@ def holds_back(name: str) -> str:
     return "a firmware download was cut off here, so its boot monitor would take a stop for firmware, and moves nothing. The same command again sends the stop all the same"
 
 
+def downloads_path() -> Path:
+    """The file that remembers the downloads that were cut off."""
+    return files.state_path(DOWNLOADS)
+
+
 def _keep_download(name: str, entry: dict[str, bool] | None) -> None:
     known = {other: found for other, found in _downloads().items() if other != name}
     known |= {name: entry} if entry is not None else {}
     with suppress(OutputError):
-        store(files.state_path(DOWNLOADS), "downloads", dict(list(known.items())[-MOST:]), sort=False)
+        store(downloads_path(), "downloads", dict(list(known.items())[-MOST:]), sort=False)
 
 
 def _downloads() -> dict[str, Any]:
     try:
-        return load(files.state_path(DOWNLOADS), "downloads", lambda entry: isinstance(entry, dict))
+        return load(downloads_path(), "downloads", lambda entry: isinstance(entry, dict))
     except UsageError:
         return {}
 

@@ -250,9 +250,10 @@ class Writer:
         contradicted = self.port.statuses if self.port.contradiction is not None else ""
         failure = judge(self.port.where, change, before, after, answer, lost, contradicted)
         step = Step(change.text, self.port.request(Command.SET_VALUE, change.body))
-        if change.shown_by(answer, after) and not contradicted:
+        taken, refused = change.shown_by(answer, after), answer is not None and answer.status & 0xFF != 0
+        if taken:
             self.port.journal.ledger.confirm("read back", step)
-        else:
+        if not taken or contradicted or refused:  # a value that was refused and reads back shows neither
             self.port.journal.ledger.doubt(
                 f"reads {change.param.shown(change.param.from_raw(after[change.param.word]))}", step
             )

@@ -23,9 +23,15 @@ def calibrating(hand: RegisterDevice, prompts: Prompts) -> AbstractContextManage
     return no_stop_ends_it(left, prompts, hand.journal.counters)
 
 
-def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, more: str = "") -> eb90.Frame | None:
-    """Wait for the frame that reports the end, or for the usual time without one. Sends nothing."""
-    started = bus.link.now()
+def wait_for_calibration(
+    bus: RegisterBus, prompts: Prompts, seconds: float, more: str = "", *, least: float = 0.0
+) -> eb90.Frame | None:
+    """Wait for the frame that reports the end, or for the usual time without one. Sends nothing.
+
+    `least`: seconds that the manual's own steps take. An end that is reported sooner is not believed: the hand may still be moving.
+    Reported with 00, it counts as not reported; otherwise it is returned where no other report comes.
+    """
+    started, early = bus.link.now(), None
     end = started + seconds
     try:
         while bus.link.now() < end and not bus.over:
@@ -35,13 +41,21 @@ def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, mor
             if not bus.reports:
                 bus.pause(step)
             elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, eb90.CALIBRATION_END, 1)], step)) is not None:
+                if (elapsed := bus.link.now() - started) < least:
+                    early = frame if frame.data != b"\0" else early
+                    bus.journal.warn(
+                        "early-end",
+                        f"the hand reported the end of the calibration after {elapsed:.1f} s, but its documented steps take at least {least:g} s. handctl keeps waiting",
+                        hint="treat the hand as still calibrating",
+                    )
+                    continue
                 bus.journal.ledger.unstoppable(0.0)
                 return frame
     finally:
         prompts.done()
     if bus.link.now() >= end:
         bus.journal.ledger.unstoppable(0.0)
-    return None
+    return early
 
 
 def calibration_result(

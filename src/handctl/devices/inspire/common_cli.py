@@ -113,7 +113,8 @@ def _change_speed(run: Run, device: RegisterDevice, rate: int, *, save: bool, ve
     table = device.change_speed(rate)
     if save or run.offer("Save it to flash now"):
         device.confirm_identity()
-        table.rows += id_baud_save_reset.save(device, run.prompts).rows
+        written = [(Element(device.map["baud_code"], 0), device.speed_code(rate))]
+        table.rows += id_baud_save_reset.save(device, run.prompts, written).rows
         wait = "Wait for the power-cycle and check the hand at the new baud rate"
         if verify or (device.bus.serial and run.offer(wait)):
             _verify_speed(run, device, rate, table)

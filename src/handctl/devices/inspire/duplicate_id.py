@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from handctl.devices.inspire.register_bus import RegisterBus, Span
+from handctl.devices.inspire.register_bus import TWIN_ID, RegisterBus, Span
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.fast_classes import NamedTuple
 from handctl.link import FrameLink
@@ -118,7 +118,7 @@ def refuse_duplicate_id(device: RegisterDevice, refusal: bool = False) -> None:
         raise DeviceRefused(
             f"{bus.where}: {seen.evidence}, and both would obey the command",
             hint="unplug one of them, then run the command again. Nothing was written.",
-            code="twin-id",
+            code=TWIN_ID,
         )
     bus.journal.line.met.add(("alone", bus.id))
 

@@ -9,6 +9,7 @@ hardware is said.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import eb90
@@ -18,7 +19,7 @@ from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, R
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
-from handctl.model.param import Element, Reading, Step
+from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
 
@@ -221,24 +222,23 @@ def _write_id(hand: RegisterDevice, new: int, saved_next: bool) -> Table:
     step = bus.write_step(hand.map["id"].address, data, f"id = {new}")
     # The acknowledgement comes from the new id on the sibling hand; the manual does not say (RH56 ch. 3 ex. 1).
     bus.try_write(hand.map["id"].address, data, "the id change", "handctl checks for the hand", acknowledged_by=ids)
-    if probe(bus, new):
-        bus.id = new
-        row = _id_row(hand, old)
-        hand.journal.ledger.confirm(f"responds to id {new}", step)
-        if not saved_next:
-            _tell_volatile(hand, new)
-        return row
-    if probe(bus, old):
-        raise _still_old(hand, new, step)
-    try:
-        bus.at(device_id=new).read(*bus.presence)
-    except (NoAnswer, ProtocolError) as exc:
-        raise exc.reworded(
-            f"{bus.link.name}: no hand responds to id {new} or {old} after the id change: {exc.text}",
-            hint=Hint("find the hand with {}. A power-cycle brings back the saved id", f"{hand.kind} scan"),
-        ) from exc
+    hand.journal.ledger.doubt(f"not seen to respond to id {new}", step)
+    if not probe(bus, new):
+        if probe(bus, old):
+            raise _still_old(hand, new, step)
+        try:
+            bus.at(device_id=new).read(*bus.presence)
+        except (NoAnswer, ProtocolError) as exc:
+            raise exc.reworded(
+                f"{bus.link.name}: no hand responds to id {new} or {old} after the id change: {exc.text}",
+                hint=Hint("find the hand with {}. A power-cycle brings back the saved id", f"{hand.kind} scan"),
+            ) from exc
     bus.id = new
-    return _id_row(hand, old)
+    row = _id_row(hand, old)
+    hand.journal.ledger.confirm(f"responds to id {new}", step)
+    if not saved_next:
+        _tell_volatile(hand, new)
+    return row
 
 
 def _still_old(hand: RegisterDevice, new: int, step: Step) -> CheckFailed:
@@ -387,18 +387,22 @@ def clear_errors(hand: RegisterDevice) -> Table:
     return table
 
 
-def save(hand: RegisterDevice, prompts: Prompts) -> Table:
+def save(hand: RegisterDevice, prompts: Prompts, written: Sequence[tuple[Element, Number]] = ()) -> Table:
     """Write the present parameters to flash and wait for the result that comes about a second later (exo §2.3.4, rh56 §2.1).
 
     Two frames answer: the acknowledgement (01 = accepted) and the result (00 = saved, FF = failed; the sense is
-    inverted, RH56 ch. 3 ex. 4). Nothing is sent in between. Raises DeviceRefused for FF or a refused acknowledgement.
+    inverted, RH56 ch. 3 ex. 4). Nothing is sent for 2.5 s, and a result that contradicts the first one counts. What was `written`
+    is read back then. Raises DeviceRefused for FF or a refused acknowledgement, CheckFailed for what is not as it was written.
     """
     identify_alone(hand, refusal=True)
     with hand.bus.on_early_end(
         "the save was sent, but its result is not known",
         f"save again, or power-cycle the hand and check with `handctl {hand.kind} get id baud_code`",
     ):
-        return _save(hand, prompts)
+        table = _save(hand, prompts)
+    if written:
+        hand.verify(written)
+    return table
 
 
 def save_frames(hand: RegisterDevice, prompts: Prompts) -> tuple[HandctlError | None, eb90.Frame | None]:
@@ -410,21 +414,26 @@ def save_frames(hand: RegisterDevice, prompts: Prompts) -> tuple[HandctlError | 
     if not bus.reports:
         return lost, None
     prompts.progress("saving to flash")
-    end = bus.link.deadline(SAVE_RESULT_SECONDS)
-    frame = bus.listen(results, end.remaining)
-    while frame is not None and frame.flag == eb90.WRITE and frame.data == b"\x01":
-        lost = None  # late, or twice
-        frame = bus.listen(results, end.remaining)
+    end, frame = bus.link.deadline(SAVE_RESULT_SECONDS), None
+    while (came := bus.listen(results, end.remaining)) is not None:
+        if came.flag == eb90.WRITE and came.data == b"\x01":
+            lost = None  # late, or twice
+        elif frame is None or came.data != b"\0":
+            frame = came  # of two results the one that says something else than saved
     prompts.done()
     return lost, frame
 
 
-def save_failed(bus: RegisterBus, frame: eb90.Frame) -> DeviceRefused:
-    """The error of a result that is not 00."""
-    return DeviceRefused(
-        f"{bus.where}: the save failed: result {hex_bytes(frame.data)} (00 = saved, FF = failed)",
-        hint="check the supply, then save again: the values are still in RAM",
-        code="save-failed",
+def save_failed(bus: RegisterBus, frame: eb90.Frame) -> HandctlError:
+    """The error of a result that is not 00: a refusal where it is FF; nothing explains another one."""
+    result = f"result {hex_bytes(frame.data)} (00 = saved, FF = failed)"
+    if frame.data == b"\xff":
+        hint = "check the supply, then save again: the values are still in RAM"
+        return DeviceRefused(f"{bus.where}: the save failed: {result}", hint=hint, code="save-failed")
+    return CheckFailed(
+        f"{bus.where}: nothing shows that the save succeeded: {result}",
+        hint="save again, or power-cycle the hand and read the values to be sure: the manual does not explain this result",
+        code="save-unknown",
     )
 
 
@@ -457,6 +466,7 @@ def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
         )
         return outcome(hand, register, "accepted", None)
     if frame.data != b"\x00":
+        hand.journal.ledger.doubt(f"result {hex_bytes(frame.data)}", hand.trigger_step("save", ""))
         raise save_failed(bus, frame)
     return outcome(hand, register, "saved", frame.data)
 
@@ -491,6 +501,7 @@ def _factory_reset(hand: RegisterDevice) -> Table:
     if there:
         bus.id = there[0]
     elif lost is None:
+        hand.journal.ledger.doubt("no hand responds after it", hand.trigger_step("factory_reset", ""))
         text = f"{bus.link.name}: the reset was acknowledged, but no hand responds to id {' or '.join(map(str, ids))} after it"
         table.failure = NoAnswer(text, hint=power_cycle(hand), code="gone")
     return table

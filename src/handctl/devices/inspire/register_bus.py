@@ -78,6 +78,8 @@ DEFAULT_TIMEOUT = 0.3
 """Seconds of silence allowed per reply beyond wire time: USB (4 ms), FTDI latency (16 ms) and Bluetooth with room."""
 
 
+TWIN_ID = "twin-id"
+"""Code of a write that is refused because two devices have one id."""
 POWER_OFF = "Ctrl-C does not stop the hand. To stop it, switch its power off."
 """Safety words of a calibration: no command stops one (exo §2.3.6, rh56 §9)."""
 
@@ -126,9 +128,13 @@ Own = TypeVar("Own", bound="RegisterBus")
 
 
 class LastReply:
-    """The reply to the last read on a wire, as that wire keeps it; every view of it (`RegisterBus.at`) has the same. None = it is no read, or was compared."""
+    """The reply to the last read on a wire, as that wire keeps it; every view of it (`RegisterBus.at`) has the same. None = it is no read, or was compared.
+
+    two  whether any read on it got two different replies
+    """
 
     reply: Any = None
+    two = False
 
 
 class RegisterBus(Line, ABC):
@@ -290,9 +296,37 @@ class RegisterBus(Line, ABC):
             self.at(device_id=self.addressee(request)).identify()
 
     def count(self, request: bytes | CanFrame) -> None:
-        """Before it is sent: a line that is lost meanwhile may have taken it."""
+        """Before it is sent: a line that is lost meanwhile may have taken it. Raises DeviceRefused for a first write that two devices would obey."""
+        writes = not self.only_reads(request)
+        if writes:
+            self._refuse_two()
         self.journal.counters.sent += 1
-        self.journal.counters.writes += not self.only_reads(request)
+        self.journal.counters.writes += writes
+
+    def two_replies(self, first: object, second: object) -> bool:
+        claimed = super().two_replies(first, second)
+        self._last.two = self._last.two or claimed
+        return claimed
+
+    def ready_to_ask(self) -> None:
+        """Before a question about a write: raise DeviceRefused where two devices would obey it, as far as that has arrived. Sends nothing."""
+        replied = self._last.reply
+        self.drain()
+        self._last.reply = replied  # its second reply may still come
+        self._refuse_two()
+
+    def _refuse_two(self) -> None:
+        """A command that has begun to write goes on: what follows may be what puts the first write right."""
+        if self._last.two and not self.journal.counters.writes:
+            raise DeviceRefused(
+                f"{self.where}: one request got two different replies, so two devices may have this id, and both would obey the command",
+                hint="unplug one of them, or stop the other program that reads the same, then run the command again. Nothing was written.",
+                code=TWIN_ID,
+            )
+
+    @abstractmethod
+    def drain(self) -> object:
+        """Discard unread input, such as late replies. A second reply to the last read with other data is told."""
 
     def identify(self) -> None:
         """Identify the device unless that is done; also called before starting a process that can write on its own."""

@@ -196,7 +196,9 @@ class BlockReader:
                 )
                 self._most, failed = min(self._most, len(group.span) - 1), None
         if failed is not None:
-            if memory.blocks and self._lacks(span, memory, failed, len(group.span)):
+            # A group of which some elements were read is on this firmware, whatever the others do.
+            whole = span[0] == group.address
+            if whole and memory.blocks and self._lacks(span, memory, failed, len(group.span)):
                 failed = self._absent[group.name] = NotPresent.shown_by(failed)
             if not memory.blocks:
                 raise failed
@@ -327,6 +329,9 @@ class RegisterDevice(Device):
     def confirm_identity(self, *, keeps: bool = True) -> None:
         """Identify the device more closely before asking the user; `keeps`: before a permanent write. Raises as `identify` does."""
 
+    def ready_to_ask(self) -> None:
+        self.bus.ready_to_ask()
+
     def will_move(self) -> None:
         super().will_move()
         self._moving = True
@@ -441,15 +446,16 @@ class RegisterDevice(Device):
                     exc.add_aftermath(Aftermath(hint=f"already written: {', '.join(written)}", joint=". "))
                 raise
             written.append(_names(run))
-        return self._verify(changes)
+        return self.verify(changes)
 
     def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
         """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
         lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
         if lost is not None and not last:
-            self._verify(run)
+            self.verify(run)
 
-    def _verify(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+    def verify(self, changes: Sequence[tuple[Element, Number]]) -> list[Reading]:
+        """Read back what was written. Raises CheckFailed where the device holds something else."""
         wanted = [value for _, value in changes]
         readings = self.bus.read_back(
             lambda: self.read([element for element, _ in changes]),

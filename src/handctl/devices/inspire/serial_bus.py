@@ -10,7 +10,7 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.register_bus import AHEAD, FEWER, FRESH, FRESH_SHORT, ByteBus, question
+from handctl.devices.inspire.register_bus import AHEAD, FEWER, FRESH, FRESH_SHORT, ByteBus, LastReply, question
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
@@ -218,6 +218,7 @@ class SerialBus(ByteBus):
 
     def again(self, journal: Journal) -> bool:
         self.journal, self._rest, self._empty = journal, b"", not self.link.replayed
+        self._last = LastReply()
         self._met.clear()
         return not (self._disturbed or self._slow)
 

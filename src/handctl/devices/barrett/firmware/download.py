@@ -180,7 +180,7 @@ class Loader:
                 before = (tail + chunk[:place])[-1:]
                 if byte == READY[0] and not (before and 32 < before[0] < 127):
                     chunk += b"" if chunk[place + 1 :] else self._listen(LISTEN_SECONDS)
-                    if not chunk[place + 1 :].strip(b"\0\r\n"):
+                    if not chunk[place + 1 :].strip(READY + b"\0\r\n"):
                         self._guide.done()
                         self.hand.journal.counters.stray_bytes += len(heard) + len(chunk) - 1
                         return

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.barrett import state_files
 from handctl.devices.barrett.gcl import connect_table as table
-from handctl.devices.barrett.gcl.codec import ABORT, BANNER, CR, MOTORS, has_prompt, values
+from handctl.devices.barrett.gcl.codec import ABORT, CR, MOTORS, has_prompt, values
 from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, NotRunning, ProtocolError, joined
 from handctl.link import ByteLink
@@ -28,7 +28,7 @@ PROGRESS = {
     table.RESTARTED: "the firmware has started. Waiting for its prompt",
 }
 CUT_OFF = "a firmware download was cut off here, so the firmware in the hand is incomplete"
-LOAD_AGAIN = "switch the hand off, do not move it, and load the whole file again: `handctl barrett firmware download FILE`. If it was loaded otherwise, run this again and switch its power off and on at once: its banner shows that"
+LOAD_AGAIN = "switch the hand off, do not move it, and load the whole file again: `handctl barrett firmware download FILE`. If another program has loaded it since, delete {}"
 REMEDY = "run it again in a few seconds if the hand was just switched on. If it was off for more than a day or two, it may have lost its firmware: `handctl barrett firmware download FILE` (barrett §3.7, §8)"
 TELL_APART = Hint(
     "Another device that echoes looks the same. To find out, run {} and switch the hand's power supply off and on: only a boot monitor sends ':'",
@@ -66,11 +66,11 @@ class SessionStart:
     def run(self) -> None:
         """Until READY; the line keeps what was tried. Raises DeviceRefused for a boot monitor, NoAnswer, ProtocolError."""
         self.line.tried = self.tried
-        state, came = table.OPENED, self.line.waiting()
         if state_files.is_half_loaded(self.link):
-            came += self._hear(table.SECONDS[table.SILENT])
-            if BANNER not in came.upper():
-                raise NotRunning(f"{self.link.name}: {CUT_OFF}. Nothing was sent", hint=LOAD_AGAIN)
+            # No banner and no prompt shows that it is whole: half an image may print them as well.
+            hint = LOAD_AGAIN.format(state_files.downloads_path())
+            raise NotRunning(f"{self.link.name}: {CUT_OFF}. Nothing was sent", hint=hint)
+        state, came = table.OPENED, self.line.waiting()
         while True:
             seen = table.seen_in(came, self._asked)
             row = table.RULES[state, seen]

@@ -50,10 +50,11 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
         )
         least = sum(seconds for seconds, _ in STEPS)
         more = f" (waits {least} s, the rest is movement)"
-        frame = wait_for_calibration(bus, prompts, LISTEN_SECONDS, more)
+        frame = wait_for_calibration(bus, prompts, LISTEN_SECONDS, more, least=least)
     seconds = bus.link.now() - started
     if frame is not None:
-        prompts.say(f"The hand reported the end after {seconds:.1f} s.")
+        if seconds < LISTEN_SECONDS:
+            prompts.say(f"The hand reported the end after {seconds:.1f} s.")
         if frame.data == b"\0":
             hand.journal.ledger.confirm("its end was reported", since=begun)
     else:

@@ -173,8 +173,9 @@ def change_network(hand: Hand, octets: Sequence[int], prompts: Prompts, *, cycle
         hand.journal.info("already", f"the hand already has the address {'.'.join(map(str, before))}. Saving it again")
         return id_baud_save_reset.save(hand, prompts)
     new, old = ".".join(map(str, octets)), ".".join(map(str, before))
-    table = hand.table(hand.write(address_plan(hand, octets)))
-    table.rows += id_baud_save_reset.save(hand, prompts).rows
+    plan = address_plan(hand, octets)
+    table = hand.table(hand.write(plan))
+    table.rows += id_baud_save_reset.save(hand, prompts, plan).rows
     if cycled_next:
         return table
     hand.journal.warn(
