@@ -15,6 +15,7 @@ import pytest
 
 from handctl.command import several_devices
 from handctl.command.config import read_config
+from handctl.command.family import load
 from handctl.command.invocation import Invocation
 from handctl.errors import STOPPED, UsageError
 from handctl.link import ByteLink, Deadline, Link, open_link, port_users
@@ -161,6 +162,62 @@ def test_only_what_moves_is_remembered_as_going(bench: Bench) -> None:
         bench.there = there
         run(*words, "-p", PORT)
         assert going() == left, words
+
+
+RAW = ("eb 90 02 05 12 ce 05 84 03 73", "eb 90 02 05 12 ce 05 84 03 74")
+"""position_set.little = 900 for id 2; of the second one the checksum is wrong, which a device may let pass."""
+RELEASED = ("hand", "speed", "500", "500", "500", "500", "500", "500", "-y")
+
+
+@each_row(
+    "words, left",
+    [
+        (("exo", "raw", RAW[0], "-y"), [2]),
+        (("exo", "raw", RAW[1], "-y", "--force-ambiguous"), [2]),
+        (("exo", "raw", "eb 90 02 04 11 e8 03 01 03"), []),
+        (("exo", "raw", RAW[0] + RAW[0].replace("02", "01", 1)[:-2] + "72", "-y"), [1, 2]),
+        (("exo", "terminal", RAW[0], "-y"), [2]),
+    ],
+)
+def test_what_moves_is_told_by_the_bytes_that_went_out(
+    words: tuple[str, ...], left: list[int], bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The id of the command is another one."""
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    run(*words, "-p", PORT)
+    assert going() == [("exo", number) for number in left]
+    assert not left or stopped_ids(run("stop", "-p", PORT, "--json"))[0] == left[0]
+
+
+@each_row("can, number", [("15038002 [2] D0 07", 2), ("05038002 [2] D0 07", 2)])
+def test_on_can_it_is_told_by_the_identifier(can: str, number: int, bench: Bench) -> None:
+    """Of a hand that is attached to a wrist module, too."""
+    bench.there = "wrist?bus=can&id=2&"
+    run("wrist", "raw", can, "-y", "-p", "can:slcan:" + PORT, "--force-ambiguous")
+    assert going() == [("wrist" if can[0] == "1" else "hand", number)]
+
+
+def test_a_frame_that_comes_in_two_pieces_is_for_the_id_in_the_first() -> None:
+    words = load("exo", "write_rules").words()
+    data = bytes.fromhex(RAW[0])
+    found = [frame.to for part in (data[:4], data[4:], data) for frame in words.sent(part, None)]
+    assert found == [None, ("exo", 2), ("exo", 2)] and words.addressed(data + data, None) == [("exo", 2)] * 2
+
+
+def test_what_goes_on_to_a_target_that_it_holds_is_moving_again(bench: Bench, tmp_path: Path) -> None:
+    """That is in no frame: the command has read both, and asked."""
+    bench.there = f"hand?state={tmp_path}/hand.json&"
+    for words, left in ((HAND, [("hand", 1)]), (("stop",), []), (RELEASED, [("hand", 1)])):
+        run(*words, "-p", PORT)
+        assert going() == left, words
+
+
+@each_row("words, now", [(("exo", "id", "5", "-y"), 5), (("exo", "raw", "eb 90 01 04 12 e8 03 05 07", "-y", "--force-ambiguous"), 5)])
+def test_what_moves_is_stopped_at_its_new_id(words: tuple[str, ...], now: int, bench: Bench, tmp_path: Path) -> None:
+    bench.there = f"exo?state={tmp_path}/exo.json&"
+    run(*EXO, "-p", PORT)
+    run(*words, "-p", PORT)
+    assert going() == [("exo", now)]
 
 
 @each_row(
@@ -334,7 +391,7 @@ def test_who_only_reads_another_device_lets_go_at_once(writes: bool, said: list[
     link = open_link("fake://exo?id=2&clock=virtual")
     settings, journal = Settings(id=2), Journal()
     holder = SimpleNamespace(
-        family=SimpleNamespace(kind="exo"), opened=None, journal=journal, ledger=journal.ledger, writes=writes, may_write=writes,
+        family=SimpleNamespace(kind="exo", baud=115200, recall=None), opened=None, journal=journal, ledger=journal.ledger, writes=writes, may_write=writes,
         settings=settings, prompts=Prompts(), shows=False, stops=False, place="", session=None,
     )  # fmt: skip
     access = DeviceAccess(cast(Invocation, holder), None)

@@ -273,6 +273,7 @@ class Run(Invocation):
                 if (access := self.connection.device_access) is not None:
                     self.ledger.unstoppable = access.unstoppable
                     self.ledger.moving = partial(access.moving, self)
+                    self.ledger.renamed = access.renamed
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
 

@@ -140,9 +140,11 @@ class Lock:
         os.ftruncate(descriptor, 0)
         disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
 
-    def remember(self, device: Reached) -> None:
-        """A command has met this device: whoever asks after the release is told so."""
+    def remember(self, device: Reached, *, replied: bool = False) -> None:
+        """A command has met this device: whoever asks after the release is told so. It `replied`: this is what reaches it now."""
         self._met = device
+        if replied:
+            self.going = [device if one.key == device.key else one for one in self.going]
 
     def set_going(self, device: Reached) -> None:
         """A command has set this device going. Whoever asks is told so from now on, also if this process is killed."""
@@ -151,6 +153,14 @@ class Lock:
     def at_rest(self, device: Reached) -> None:
         """A stop of this device was acknowledged."""
         self._keep_going([one for one in self.going if one.key != device.key])
+
+    def renamed(self, before: tuple[str, int], after: tuple[str, int]) -> None:
+        """A device has another id than before; `before` and `after` are keys of a `Reached`."""
+        settings = {"id": after[1]} if after[1] != 1 else {}
+        self._keep_going([
+            Reached(after[0], {**{key: value for key, value in one.settings.items() if key != "id"}, **settings})
+            if one.key == before else one for one in self.going if one.key != after
+        ])  # fmt: skip
 
     def _keep_going(self, going: list[Reached]) -> None:
         if going != self.going:

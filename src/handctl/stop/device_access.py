@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 from handctl import interrupts
 from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError
 from handctl.families import FAMILIES
+from handctl.link import ByteLink
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Deadline, Link
     from handctl.link.device_lock import Lock, Reached
+    from handctl.model.write_ledger import Addressee
     from handctl.stop.stop_listener import StopListener
 
 UNSEEN = "something that no command stops, such as a calibration, was started here shortly before, and its end has not been seen"
@@ -169,7 +171,7 @@ class DeviceAccess:
         if self._lock is None:
             return
         met = self._reached(run)
-        self._lock.remember(met)
+        self._lock.remember(met, replied=run.journal.counters.received > 0)
         assert run.family is not None
         for one in self._lock.going if run.journal.counters.received else ():
             pair = {one.family, met.family}
@@ -181,21 +183,32 @@ class DeviceAccess:
             ):
                 self._lock.at_rest(one)
 
-    def moving(self, run: Invocation, moves: bool) -> None:
-        """This run has set its device going, or a stop of it was acknowledged, see `Lock.set_going`. Never raises."""
-        device = self._reached(run)
+    def moving(self, run: Invocation, to: Addressee | None, moves: bool) -> None:
+        """This run has set its device going, or the one that it has written `to`, or a stop of that was acknowledged, see
+        `Lock.set_going`. Never raises."""
+        device = self._reached(run, to)
         (self._at_rest.discard if moves else self._at_rest.add)(device.key)
         if self._lock is not None:
             (self._lock.set_going if moves else self._lock.at_rest)(device)
 
-    def _reached(self, run: Invocation) -> Reached:
-        """The device of this run, and what reaches it."""
+    def renamed(self, before: Addressee, after: Addressee) -> None:
+        """A device on this line has another id than before. Never raises."""
+        self._at_rest = {after if one == before else one for one in self._at_rest}
+        if self._lock is not None:
+            self._lock.renamed(before, after)
+
+    def _reached(self, run: Invocation, to: Addressee | None = None) -> Reached:
+        """The device of this run, or the one that it has written `to`, and what reaches it."""
         from handctl.link.device_lock import Reached
 
         assert run.family is not None
-        kind, settings = run.family.kind, run.settings
-        number = context_at(run, self.link).number if self.link is not None else 1
-        found = {"id": number if number != 1 else None, "baud": settings.baud}
+        settings, link = run.settings, self.link
+        own = run.family.kind, context_at(run, link).number if link is not None else 1
+        kind, number = to or own
+        speed = settings.baud
+        if isinstance(link, ByteLink) and link.can_set_baud and run.family.recall is None:
+            speed = link.baud if link.baud != run.family.baud else speed  # a command may have changed it
+        found = {"id": number if number != 1 else None, "baud": speed}
         found |= {option.key: settings.own.get(option.key) for option in FAMILIES[kind].options if option.named}
         return Reached(kind, {key: value for key, value in found.items() if value is not None})
 
@@ -267,21 +280,22 @@ class DeviceAccess:
         signals.alarm_is_over()
         self.note_stop()
         sent: list[Sent] = []
+        context = context_at(self._run, self.link)
         stopped = self._stopped_all(sent)
         if stopped.error is LinkError:
             with contextlib.suppress(LinkError):
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = self._stopped_all(sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
-        if stopped.error is None:
-            self.moving(self._run, False)
+        if stopped.error is None and not self._run.writes:
+            self.moving(self._run, None, False)
         stopped = self.judged(stopped)
         self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
-        self._report = report(stopped, sent, self._run, self.link)
+        self._report = report(stopped, sent, self._run, context)
         self._report["devices"] += [list(key) for key in self._at_rest]
         return self._report
 
@@ -349,16 +363,16 @@ def report(
     stopped: Stopped | None,
     sent: Sequence[Sent],
     run: Invocation | None = None,
-    link: Link | None = None,
+    context: StopContext | None = None,
     *,
     refused: bool = False,
 ) -> dict[str, Any]:
-    """The result of a stop as JSON, as `stop` shows it; `run` and its `link` tell the device that it was sent to."""
-    number = context_at(run, link).number if run is not None and link is not None else None
+    """The result of a stop as JSON, as `stop` shows it; `run` and its `context` tell the devices that it was sent to."""
     kind = run.family.kind if run is not None and run.family is not None else ""
+    devices = [] if context is None else [*context.going] or [(kind, context.number)]
     return {
-        "id": number,
-        "devices": [[kind, number]] if number is not None else [],
+        "id": devices[0][1] if devices else None,
+        "devices": [list(device) for device in devices],
         "rows": rows(sent),
         "wire": wire(sent),
         "evidence": stopped.evidence if stopped is not None else "",

@@ -28,7 +28,7 @@ from handctl.model.stop_sequence import (
     stop_sequence_of,
     writes_without_replies,
 )
-from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
+from handctl.stop.device_access import DeviceAccess, context_at, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
@@ -398,7 +398,7 @@ def _from_here(
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)
         except HandctlError as exc:
             stopped = stopped._replace(text=errors.joined(stopped.text, exc.text))
-    return report(stopped, sent, run, link)
+    return report(stopped, sent, run, context_at(run, link))
 
 
 # -- what holds up no stop ------------------------------------------------------------------------------------------
