@@ -149,6 +149,14 @@ def test_an_id_that_is_typed_is_the_only_one(bench: Bench, monkeypatch: pytest.M
     assert going() == []
 
 
+def test_an_id_that_a_variable_gives_is_not_the_only_one(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    for words in (("exo", "stop"), ("stop",)):
+        run(*EXO, "--id", "2", "-p", PORT)
+        result = run(*words, "-p", PORT, "--json", env={"HANDCTL_ID": "1"})
+        assert (result.code, 2 in stopped_ids(result), going()) == (0, True, []), words
+
+
 def test_only_what_moves_is_remembered_as_going(bench: Bench) -> None:
     """And it is in the file as soon as the bytes are out: the command may be killed then."""
     for words, there, left in (
@@ -212,7 +220,10 @@ def test_what_goes_on_to_a_target_that_it_holds_is_moving_again(bench: Bench, tm
         assert going() == left, words
 
 
-@each_row("words, now", [(("exo", "id", "5", "-y"), 5), (("exo", "raw", "eb 90 01 04 12 e8 03 05 07", "-y", "--force-ambiguous"), 5)])
+@each_row(
+    "words, now",
+    [(("exo", "id", "5", "-y"), 5), (("exo", "raw", "eb 90 01 04 12 e8 03 05 07", "-y", "--force-ambiguous"), 5)],
+)
 def test_what_moves_is_stopped_at_its_new_id(words: tuple[str, ...], now: int, bench: Bench, tmp_path: Path) -> None:
     bench.there = f"exo?state={tmp_path}/exo.json&"
     run(*EXO, "-p", PORT)
@@ -391,7 +402,7 @@ def test_who_only_reads_another_device_lets_go_at_once(writes: bool, said: list[
     link = open_link("fake://exo?id=2&clock=virtual")
     settings, journal = Settings(id=2), Journal()
     holder = SimpleNamespace(
-        family=SimpleNamespace(kind="exo", baud=115200, recall=None), opened=None, journal=journal, ledger=journal.ledger, writes=writes, may_write=writes,
+        family=SimpleNamespace(kind="exo"), opened=None, journal=journal, ledger=journal.ledger, writes=writes, may_write=writes,
         settings=settings, prompts=Prompts(), shows=False, stops=False, place="", session=None,
     )  # fmt: skip
     access = DeviceAccess(cast(Invocation, holder), None)

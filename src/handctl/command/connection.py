@@ -397,7 +397,7 @@ class Session:
             return Stopped(exc.text, joined("switch the power off if the device is still moving", exc.hint), kind)
         assert known.link is not None
         stopped = mover.stop(known.link)
-        return known.device_access.judged(stopped) if known.device_access is not None else stopped
+        return known.device_access.judged(stopped, [mover.plan.device]) if known.device_access is not None else stopped
 
     def _open_at(self, name: str) -> Connection | None:
         return next((one for one in self._open.values() if one.name == name and one.link is not None), None)

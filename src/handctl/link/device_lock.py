@@ -1,8 +1,8 @@
 """The lock of a device: one process at a time, held while a link is open. Its file names the holder.
 
 The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
-holder and its command, and is empty if there is none. The second is the device that a command met last. The third says until
-when something may last that a command has started and no command stops; mostly there is none. Each line behind them is a
+holder and its command, and is empty if there is none. The second is the device that a command met last. The third says of each
+device until when something may last that a command has started and no command stops; mostly there is none. Each line behind them is a
 device that a command has set going, and that no acknowledged stop has ended since, the last one first. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are one lock. A file next to it says when
 the device was stopped last. Knows no link's inside.
 """
@@ -121,19 +121,18 @@ class Lock:
         except OSError as exc:
             self.unrecorded = f"{self.path}: {exc.strerror or exc}"
 
-    def lasts(self, seconds: float) -> None:
-        """Note that something has begun that no command stops, and may last so long; 0 = it is over. For later commands too."""
-        self._until = clock.now() + seconds if seconds else 0.0
+    def lasts(self, device: tuple[str, int], seconds: float) -> None:
+        """Note that something has begun on this device that no command stops, and may last so long; 0 = it is over. For later commands too."""
+        self._until[device] = clock.now() + seconds if seconds else 0.0
         with suppress(OSError):
             self._write(self._descriptor)
 
-    @property
-    def lasting(self) -> bool:
-        """Whether such a thing may still last."""
-        return 0 < self._until - clock.now() < MOST_LASTING
+    def lasting(self, device: tuple[str, int]) -> bool:
+        """Whether such a thing may still last there."""
+        return 0 < self._until.get(device, 0.0) - clock.now() < MOST_LASTING
 
     def _write(self, descriptor: int) -> None:
-        until = f"{self._until!r}" if self.lasting else ""
+        until = "\t".join(f"{one[0]}\t{one[1]}\t{end!r}" for one, end in self._until.items() if self.lasting(one))
         met = self._met.line if self._met is not None else ""
         rest = "\n".join((met, until, *(one.line for one in self.going))).rstrip("\n")
         text = f"{self._line}{rest}\n" if rest else self._line.lstrip("\n")
@@ -365,12 +364,13 @@ def _reached(descriptor: int) -> tuple[Reached | None, list[Reached]]:
     return met if met.family else None, [Reached.of_line(line) for line in lines[3:] if line][:MOST_MOVING]
 
 
-def _until(descriptor: int) -> float:
-    """Until when something may last that no command stops, on `clock`; 0 = nothing is noted."""
+def _until(descriptor: int) -> dict[tuple[str, int], float]:
+    """Until when something may last on a device that no command stops, on `clock`."""
     try:
-        return float(_lines(descriptor)[2])
+        fields = _lines(descriptor)[2].split("\t")
+        return {(kind, int(number)): float(end) for kind, number, end in zip(*[iter(fields)] * 3, strict=False)}
     except (OSError, ValueError, IndexError):
-        return 0.0
+        return {}
 
 
 def _holder(descriptor: int) -> Holder | None:

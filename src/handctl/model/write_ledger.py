@@ -175,8 +175,8 @@ class Ledger:
         self._waiting: dict[Hashable, Write] = {}
         self._one_step: Frame | None = None
         self._repeats = False
-        self.unstoppable: Callable[[float], object] = lambda seconds: None
-        """Called where something begins that no command stops, with the seconds that it may last; with 0 when it is over."""
+        self.unstoppable: Callable[[Addressee | None, float], object] = lambda to, seconds: None
+        """Called where something begins on a device that no command stops, with the seconds that it may last; with 0 when it is over."""
         self.moving: Callable[[Addressee | None, bool], object] = lambda to, moving: None
         """Called where the first write goes out that moves a device, and where a stop of it was acknowledged (False)."""
         self.renamed: Callable[[Addressee, Addressee], object] = lambda before, after: None
@@ -271,7 +271,7 @@ class Ledger:
 
     def _note(self, frame: Frame) -> None:
         if frame.lasts:
-            self.unstoppable(frame.lasts)
+            self.unstoppable(frame.to, frame.lasts)
         planned = self._planned(frame.same)
         if planned is not None:
             self._asked.add(frame.same)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 from _thread import RLock
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -104,7 +104,7 @@ class DeviceAccess:
         self._lock: Lock | None = None
         self._ear: StopListener | None = None
         self._place = run.place if lock is not None else ""
-        self._until = float("-inf")
+        self._until: dict[tuple[str, int], float] = {}
         self._at_rest: set[tuple[str, int]] = set()
         """Family and id of each device whose stop was acknowledged over this link, and that nothing has set going since."""
         if lock is not None:
@@ -170,9 +170,12 @@ class DeviceAccess:
         """This run has met its device, see `Lock.remember`. What cannot be on one line with it is no longer behind this link."""
         if self._lock is None:
             return
-        met = self._reached(run)
-        self._lock.remember(met, replied=run.journal.counters.received > 0)
         assert run.family is not None
+        met, link = self._reached(run), self.link
+        if isinstance(link, ByteLink) and link.can_set_baud and run.family.recall is None:
+            usual = run.settings.baud or run.family.baud
+            met.settings.update({"baud": link.baud} if link.baud not in (None, usual) else {})  # it was changed
+        self._lock.remember(met, replied=run.journal.counters.received > 0)
         for one in self._lock.going if run.journal.counters.received else ():
             pair = {one.family, met.family}
             apart = run.family.ids and one.key[1] != met.key[1]
@@ -205,10 +208,7 @@ class DeviceAccess:
         settings, link = run.settings, self.link
         own = run.family.kind, context_at(run, link).number if link is not None else 1
         kind, number = to or own
-        speed = settings.baud
-        if isinstance(link, ByteLink) and link.can_set_baud and run.family.recall is None:
-            speed = link.baud if link.baud != run.family.baud else speed  # a command may have changed it
-        found = {"id": number if number != 1 else None, "baud": speed}
+        found = {"id": number if number != 1 else None, "baud": settings.baud}
         found |= {option.key: settings.own.get(option.key) for option in FAMILIES[kind].options if option.named}
         return Reached(kind, {key: value for key, value in found.items() if value is not None})
 
@@ -289,7 +289,7 @@ class DeviceAccess:
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
         if stopped.error is None and not self._run.writes:
             self.moving(self._run, None, False)
-        stopped = self.judged(stopped)
+        stopped = self.judged(stopped, {*_devices(self._run, context), *self._at_rest})
         self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
@@ -306,19 +306,23 @@ class DeviceAccess:
         own = partial(stopped_at, run, link, sent)
         return own() if run.session is None else run.session.stop_all(run, link, sent, own)
 
-    def unstoppable(self, seconds: float) -> None:
-        """Note that something has begun that no command stops, and may last so long; 0 = it is over."""
+    def unstoppable(self, run: Invocation, to: Addressee | None, seconds: float) -> None:
+        """Note that something has begun that no command stops, and may last so long; 0 = it is over. On which device: see `moving`."""
+        device = self._reached(run, to).key
         if self.link is not None:
-            self._until = self.link.now() + seconds
+            self._until[device] = self.link.now() + seconds
         if self._lock is not None:
-            self._lock.lasts(seconds)
+            self._lock.lasts(device, seconds)
 
-    def judged(self, stopped: Stopped) -> Stopped:
-        """The result of a stop: no success while something lasts that none ends, whoever has started it with handctl."""
+    def _lasting(self, device: Addressee) -> bool:
+        """Whether such a thing may still last there."""
+        here = self.link is not None and self.link.now() < self._until.get(device, float("-inf"))
+        return here or (self._lock is not None and self._lock.lasting(device))
+
+    def judged(self, stopped: Stopped, devices: Iterable[Addressee]) -> Stopped:
+        """The result of a stop of these: no success while something lasts there that none ends, whoever has started it with handctl."""
         left = self._run.prompts.goes_on()
-        if left is None and (
-            (self._lock is not None and self._lock.lasting) or (self.link is not None and self.link.now() < self._until)
-        ):
+        if left is None and any(map(self._lasting, devices)):
             left = Aftermath(UNSEEN, "switch the power off if the device is still moving")
         if left is None:
             return stopped
@@ -359,6 +363,12 @@ def stopped_at(
     return run_stop(link, said, sent, run.ledger if run.writes else None, until)
 
 
+def _devices(run: Invocation, context: StopContext) -> list[Addressee]:
+    """The devices that a stop with this context is for."""
+    assert run.family is not None
+    return [*context.going] or [(run.family.kind, context.number)]
+
+
 def report(
     stopped: Stopped | None,
     sent: Sequence[Sent],
@@ -368,8 +378,7 @@ def report(
     refused: bool = False,
 ) -> dict[str, Any]:
     """The result of a stop as JSON, as `stop` shows it; `run` and its `context` tell the devices that it was sent to."""
-    kind = run.family.kind if run is not None and run.family is not None else ""
-    devices = [] if context is None else [*context.going] or [(kind, context.number)]
+    devices = _devices(run, context) if run is not None and context is not None else []
     return {
         "id": devices[0][1] if devices else None,
         "devices": [list(device) for device in devices],

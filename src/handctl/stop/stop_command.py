@@ -191,9 +191,10 @@ def _is_meant(run: Run, told: dict[str, Any]) -> bool:
 
 
 def _any_id(run: Run) -> bool:
-    """Whether nobody has said which id the device has, or its family has none."""
+    """Whether nobody has said which id the device has, or its family has none. That of a variable or of the file is for want of one."""
     assert run.family is not None
-    return not run.family.ids or ("id" not in run.sources and run.settings.device is None)
+    said = is_said(run.sources.get("id")) or _of_others(run) or run.settings.device is not None
+    return not said or not run.family.ids
 
 
 def _id_used(run: Run, number: int) -> str:
@@ -388,7 +389,7 @@ def _from_here(
         with run.prompts.stopping():
             stopped = stopped_at(run, link, sent, sequence, end)
             if (access := run.connection.device_access) is not None:
-                stopped = access.judged(stopped)
+                stopped = access.judged(stopped, [(run.family.kind, context_at(run, link).number)])
     expired = end is not None and end.expired
     silent = (
         not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))

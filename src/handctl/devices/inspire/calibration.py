@@ -35,12 +35,12 @@ def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, mor
             if not bus.reports:
                 bus.pause(step)
             elif (frame := bus.listen([eb90.read_reply_prefix(bus.id, eb90.CALIBRATION_END, 1)], step)) is not None:
-                bus.journal.ledger.unstoppable(0.0)
+                bus.journal.ledger.unstoppable(None, 0.0)
                 return frame
     finally:
         prompts.done()
     if bus.link.now() >= end:
-        bus.journal.ledger.unstoppable(0.0)
+        bus.journal.ledger.unstoppable(None, 0.0)
     return None
 
 

@@ -42,8 +42,8 @@ from handctl.model.explainer import (
     stray,
 )
 from handctl.model.param import Element, Number, ParamMap
-from handctl.model.write_ledger import Frame as Written
 from handctl.model.write_ledger import Addressee
+from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
 
 UNDOCUMENTED = "at "
