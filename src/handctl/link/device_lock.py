@@ -35,15 +35,25 @@ FIELDS = 6
 """Of a `Holder` in the lock file."""
 MOST_MOVING = 8
 """Devices on one line that are remembered as set going; of more than that the last ones."""
-NUMBERS = ("id", "baud")
-"""Settings of a `Reached` that are whole numbers."""
+NUMBERS = ("id", "baud", "was")
+"""What is told of a `Reached` in whole numbers."""
+
+
+SILENT = "silent"
+"""In the line of a `Reached`."""
 
 
 class Reached(NamedTuple):
-    """A device that a command has reached: its family, and the settings that reach it where they are not the usual ones."""
+    """A device that a command has reached: its family, and the settings that reach it where they are not the usual ones.
+
+    silent  it was stopped before, and another device on the line was heard then, but not this one
+    was     the id with which it was set going, if handctl has given it another one since; else 0
+    """
 
     family: str
     settings: dict[str, Any]
+    silent: bool = False
+    was: int = 0
 
     @property
     def key(self) -> tuple[str, int]:
@@ -54,7 +64,8 @@ class Reached(NamedTuple):
     def line(self) -> str:
         """The line for the lock file: the family, and each setting as KEY=VALUE, separated by tabs."""
         more = (f"{key}={' '.join(str(value).split())}" for key, value in self.settings.items())
-        return "\t".join((self.family, *more))
+        notes = [*([SILENT] if self.silent else []), *([f"was={self.was}"] if self.was else [])]
+        return "\t".join((self.family, *more, *notes))
 
     @classmethod
     def of_line(cls, line: str) -> Reached:
@@ -62,7 +73,10 @@ class Reached(NamedTuple):
         family, *more = line.split("\t")
         pairs = [(key, value) for key, _, value in (one.partition("=") for one in more) if value]
         numbers = {key: int(value) for key, value in pairs if key in NUMBERS and value.isdecimal() and len(value) < 10}
-        return cls(family, {**{key: value for key, value in pairs if key not in NUMBERS}, **numbers})
+        was = numbers.pop("was", 0)
+        return cls(
+            family, {**{key: value for key, value in pairs if key not in NUMBERS}, **numbers}, SILENT in more, was
+        )
 
 
 class Holder(NamedTuple):
@@ -143,7 +157,7 @@ class Lock:
         """A command has met this device: whoever asks after the release is told so. It `replied`: this is what reaches it now."""
         self._met = device
         if replied:
-            self.going = [device if one.key == device.key else one for one in self.going]
+            self.going = [device._replace(was=one.was) if one.key == device.key else one for one in self.going]
 
     def set_going(self, device: Reached) -> None:
         """A command has set this device going. Whoever asks is told so from now on, also if this process is killed."""
@@ -153,13 +167,25 @@ class Lock:
         """A stop of this device was acknowledged."""
         self._keep_going([one for one in self.going if one.key != device.key])
 
+    def silent(self, device: tuple[str, int]) -> bool:
+        """This device was silent at a stop, and another one was not. The second time it is forgotten; whether it was."""
+        forgotten = any(one.silent for one in self.going if one.key == device)
+        self._keep_going(
+            [
+                one._replace(silent=True) if one.key == device else one
+                for one in self.going
+                if not (one.silent and one.key == device)
+            ]
+        )
+        return forgotten
+
     def renamed(self, before: tuple[str, int], after: tuple[str, int]) -> None:
         """A device has another id than before; `before` and `after` are keys of a `Reached`."""
-        settings = {"id": after[1]} if after[1] != 1 else {}
-        self._keep_going([
-            Reached(after[0], {**{key: value for key, value in one.settings.items() if key != "id"}, **settings})
-            if one.key == before else one for one in self.going if one.key != after
-        ])  # fmt: skip
+        number = {"id": after[1]} if after[1] != 1 else {}
+        for one in [one for one in self.going if one.key == before]:
+            settings = {**{key: value for key, value in one.settings.items() if key != "id"}, **number}
+            now = one._replace(settings=settings, was=one.was or before[1])
+            self._keep_going([now if other is one else other for other in self.going if other.key != after])
 
     def _keep_going(self, going: list[Reached]) -> None:
         if going != self.going:

@@ -105,6 +105,7 @@ class DeviceAccess:
         self._ear: StopListener | None = None
         self._place = run.place if lock is not None else ""
         self._until: dict[tuple[str, int], float] = {}
+        self._silent: list[Addressee] = []
         self._at_rest: set[tuple[str, int]] = set()
         """Family and id of each device whose stop was acknowledged over this link, and that nothing has set going since."""
         if lock is not None:
@@ -208,9 +209,20 @@ class DeviceAccess:
         settings, link = run.settings, self.link
         own = run.family.kind, context_at(run, link).number if link is not None else 1
         kind, number = to or own
-        found = {"id": number if number != 1 else None, "baud": settings.baud}
+        found: dict[str, Any] = {"id": number if number != 1 else None, "baud": settings.baud}
+        found["port"] = settings.port if (settings.port or "").startswith("can:") else None
         found |= {option.key: settings.own.get(option.key) for option in FAMILIES[kind].options if option.named}
         return Reached(kind, {key: value for key, value in found.items() if value is not None})
+
+    def silent(self, device: Addressee) -> None:
+        """Nothing at all has come from this device while it was being stopped."""
+        self._silent.append(device)
+
+    def gone(self) -> list[Addressee]:
+        """The devices that have been silent at a stop before, too, while another one on the line has acknowledged its own: they are no
+        longer remembered as moving."""
+        silent = self._silent if self._at_rest and self._lock is not None else []
+        return [device for device in silent if self._lock is not None and self._lock.silent(device)]
 
     def note_stop(self) -> None:
         """The device is being stopped, see `Lock.note_stop`."""
