@@ -32,6 +32,9 @@ class Words:
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         return data
 
+    def addressed(self, data: bytes, can_id: int | None) -> Sequence[tuple[str, int]]:
+        return ()
+
     def next(self, data: bytes, can_id: int | None) -> str:
         return "read it"
 

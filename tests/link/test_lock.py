@@ -45,31 +45,34 @@ def test_the_first_place_is_the_runtime_folder(folders: tuple[Path, Path]) -> No
     again.release()
 
 
+EXO = ("exo", 1)
+
+
 def test_what_no_command_stops_is_noted_for_the_next_one(folders: tuple[Path, Path]) -> None:
     """A calibration goes on behind the end of the process that has started it, however that ended."""
     first = hold(LINK, "handctl exo raw", family="exo")
-    assert first is not None and not first.lasting
-    first.lasts(30)
+    assert first is not None and not first.lasting(EXO)
+    first.lasts(EXO, 30)
     os.close(first.descriptors[0])  # killed: nothing more is written
     second = hold(LINK, "handctl exo get", family="exo")
-    assert second is not None and second.lasting
+    assert second is not None and second.lasting(EXO) and not second.lasting(("exo", 2))
     second.release()
     assert device_lock.remembered(LINK)[0] == Reached("exo", {})
     third = hold(LINK, "handctl scan")
-    assert third is not None and third.lasting
-    third.lasts(0)
+    assert third is not None and third.lasting(EXO)
+    third.lasts(EXO, 0)
     third.release()
     assert files(folders[0])[0].read_text() == "\nexo\n"
 
 
-@pytest.mark.parametrize("text", ["\nexo\n1e9\n", "\nexo\nnan\n", "\nexo\n-3\n", "\nexo\nx\n", "\nexo\n"])
+@pytest.mark.parametrize("text", ["exo\t1\t1e9", "exo\t1\tnan", "exo\t1\t-3", "exo\t1\tx", "exo\t1", "1e9", ""])
 def test_a_note_of_another_day_says_nothing(folders: tuple[Path, Path], text: str) -> None:
     first = hold(LINK, "handctl")
     assert first is not None
     first.release()
-    files(folders[0])[0].write_text(text)
+    files(folders[0])[0].write_text(f"\nexo\n{text}\n")
     again = hold(LINK, "handctl")
-    assert again is not None and not again.lasting
+    assert again is not None and not again.lasting(EXO)
     again.release()
 
 

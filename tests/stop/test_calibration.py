@@ -104,6 +104,13 @@ def test_a_stop_knows_of_a_calibration_that_another_command_has_started(locked: 
     assert run(family, "stop", "-p", link, "--json").code == 6, "what only reads ends nothing"
 
 
+def test_a_calibration_is_no_failure_of_a_stop_of_another_device_on_the_line(locked: None) -> None:
+    link, start = FAKES["exo"]
+    assert run("exo", "raw", start.hex(" "), "-y", "-p", link, "--json").code == 0
+    for number, code in ((2, 0), (1, 6)):
+        assert run("exo", "stop", "--id", number, "-p", f"{link}&id={number}", "--json").code == code
+
+
 def test_a_calibration_whose_end_was_seen_is_over(locked: None) -> None:
     assert run("exo", "calibrate", "-y", "-p", FAKES["exo"][0], "--json").code == 0
     assert run("exo", "stop", "-p", FAKES["exo"][0], "--json").code == 0
@@ -114,7 +121,7 @@ def test_without_a_lock_the_same_command_knows_it(seconds: float, later: float, 
     """Two lines of a batch on a simulated device; it is over when its time is."""
     hand = Hand()
     access = Asking(hand).access
-    access.unstoppable(seconds)
+    access.unstoppable(access._run, None, seconds)
     hand.link.sleep(later)
     assert access.stop("stopped")["error"] == error
 

@@ -45,7 +45,7 @@ def told_of(device: Device) -> Callable[[Link], object]:
     """The stop that a child of this device is given."""
     told: list[Any] = []
     with mock.patch.object(deadman, "guard_link", lambda *given, **_more: nullcontext(told.append(given))):
-        device.guarded()
+        device.guarded().__enter__()
     stop: Callable[[Link], object] = told[0][1]
     return stop
 

@@ -160,7 +160,7 @@ def by_child(device: Any, far: Far) -> Stopped | None:
     """The process that outlives a command that died: nobody hears what it says."""
     told: list[Any] = []
     with mock.patch.object(deadman, "guard_link", lambda *given, **_more: nullcontext(told.append(given))):
-        device.guarded()
+        device.guarded().__enter__()
     ((_link, stop, _warn),) = told
     way, stop = pickle.loads(pickle.dumps((RawAccess(-1), stop)))  # noqa: S301 - as it goes to the child on Windows
     with mock.patch.object(deadman, "RawBytes", lambda _raw_access: far):

@@ -36,9 +36,11 @@ from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, clean_environment, run, start
 from tests.support.each_row import each_row
 
-EXO_1, EXO_2, WRIST = ("eb90010b31", "eb90020b31", "eb90030731")
+EXO_1, EXO_2, EXO_7, WRIST = ("eb90010b31", "eb90020b31", "eb90070b31", "eb90030731")
 """How the stop of each begins: the forces of an exo, the angles of a wrist."""
 GO = "exo position 900 900 900 900 900 -y --id"
+RAW_2 = "exo raw 'eb 90 02 05 12 ce 05 84 03 73' -y"
+"""For another id than that of the command."""
 TURN = "wrist set yaw_set=20 move_time=5000 -y --id 3"
 DEVICES = [{"kind": "exo", "id": 1}, {"kind": "exo", "id": 2}, {"kind": "wrist", "id": 3}]
 
@@ -52,7 +54,7 @@ def bus(folder: Path) -> Path:
 
 def stops_in(sent: list[bytes]) -> list[str]:
     """Which devices were stopped, in this order, each once."""
-    found = [start for data in sent for start in (EXO_1, EXO_2, WRIST) if data.hex().startswith(start)]
+    found = [start for data in sent for start in (EXO_1, EXO_2, EXO_7, WRIST) if data.hex().startswith(start)]
     return list(dict.fromkeys(found))
 
 
@@ -82,6 +84,9 @@ def noting(deaf: str = "") -> Iterator[list[bytes]]:
     ((f"{GO} 1", f"{GO} 2", "exo stop --id 2"), "", 130, {EXO_1}),
     ((f"{GO} 1", f"{GO} 2"), EXO_1, 4, {EXO_1, EXO_2}),
     ((f"{GO} 1", f"{GO} 2"), EXO_2, 4, {EXO_1, EXO_2}),
+    ((RAW_2,), "", 130, {EXO_2}),
+    ((f"{GO} 1", RAW_2), "", 130, {EXO_1, EXO_2}),
+    ((f"{GO} 1", "exo id 7 -y --id 1"), "", 130, {EXO_7}),
 ])  # fmt: skip
 def test_ctrl_c_stops_each_device_that_a_line_has_left_moving(
     lines: tuple[str, ...], deaf: str, code: int, stops: set[str], tmp_path: Path
@@ -322,6 +327,8 @@ def test_our_own_guard_is_no_rival() -> None:
     ((TURN, f"{GO} 1", "exo get id --id 1 --trace {folder}/t"), [("exo", 1), ("wrist", 3)]),  # it opens the link again
     ((f"{GO} 1 --wait 9 --expect any", "exo get id --id 2"), [("exo", 1)]),
     ((f"{GO} 1", "exo stop --id 1"), []),
+    ((RAW_2,), [("exo", 2), ("exo", 1)]),
+    ((f"{GO} 1", "exo id 7 -y --id 1"), [("exo", 7), ("exo", 1)]),
     ((f"{GO} 1", TURN, "scan -p {link}"), [("wrist", 3), ("exo", 1)]),  # it has the link for itself
 ])  # fmt: skip
 def test_the_guard_of_a_batch_outlasts_a_line_that_uses_another_device(

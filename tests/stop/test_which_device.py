@@ -13,8 +13,9 @@ from typing import Any, cast
 
 import pytest
 
-from handctl.command import several_devices
+from handctl.command import connection, several_devices
 from handctl.command.config import read_config
+from handctl.command.family import load
 from handctl.command.invocation import Invocation
 from handctl.errors import STOPPED, UsageError
 from handctl.link import ByteLink, Deadline, Link, open_link, port_users
@@ -148,6 +149,14 @@ def test_an_id_that_is_typed_is_the_only_one(bench: Bench, monkeypatch: pytest.M
     assert going() == []
 
 
+def test_an_id_that_a_variable_gives_is_not_the_only_one(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    for words in (("exo", "stop"), ("stop",)):
+        run(*EXO, "--id", "2", "-p", PORT)
+        result = run(*words, "-p", PORT, "--json", env={"HANDCTL_ID": "1"})
+        assert (result.code, 2 in stopped_ids(result), going()) == (0, True, []), words
+
+
 def test_only_what_moves_is_remembered_as_going(bench: Bench) -> None:
     """And it is in the file as soon as the bytes are out: the command may be killed then."""
     for words, there, left in (
@@ -161,6 +170,70 @@ def test_only_what_moves_is_remembered_as_going(bench: Bench) -> None:
         bench.there = there
         run(*words, "-p", PORT)
         assert going() == left, words
+
+
+RAW = ("eb 90 02 05 12 ce 05 84 03 73", "eb 90 02 05 12 ce 05 84 03 74")
+"""position_set.little = 900 for id 2; of the second one the checksum is wrong, which a device may let pass."""
+RELEASED = ("hand", "speed", "500", "500", "500", "500", "500", "500", "-y")
+
+
+@each_row(
+    "words, left",
+    [
+        (("exo", "raw", RAW[0], "-y"), [2]),
+        (("exo", "raw", RAW[1], "-y", "--force-ambiguous"), [2]),
+        (("exo", "raw", "eb 90 02 04 11 e8 03 01 03"), []),
+        (("exo", "raw", RAW[0] + RAW[0].replace("02", "01", 1)[:-2] + "72", "-y"), [1, 2]),
+        (("exo", "terminal", RAW[0], "-y"), [2]),
+    ],
+)
+def test_what_moves_is_told_by_the_bytes_that_went_out(
+    words: tuple[str, ...], left: list[int], bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The id of the command is another one."""
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    run(*words, "-p", PORT)
+    assert going() == [("exo", number) for number in left]
+    assert not left or stopped_ids(run("stop", "-p", PORT, "--json"))[0] == left[0]
+
+
+@each_row("can, number", [("15038002 [2] D0 07", 2), ("05038002 [2] D0 07", 2)])
+def test_on_can_it_is_told_by_the_identifier(can: str, number: int, bench: Bench) -> None:
+    """Of a hand that is attached to a wrist module, too."""
+    bench.there = "wrist?bus=can&id=2&"
+    run("wrist", "raw", can, "-y", "-p", "can:slcan:" + PORT, "--force-ambiguous")
+    assert going() == [("wrist" if can[0] == "1" else "hand", number)]
+
+
+def test_a_frame_that_comes_in_two_pieces_is_for_the_id_in_the_first() -> None:
+    words = load("exo", "write_rules").words()
+    data = bytes.fromhex(RAW[0])
+    found = [frame.to for part in (data[:4], data[4:], data) for frame in words.sent(part, None)]
+    assert found == [None, ("exo", 2), ("exo", 2)] and words.addressed(data + data, None) == [("exo", 2)] * 2
+
+
+def test_what_goes_on_to_a_target_that_it_holds_is_moving_again(bench: Bench, tmp_path: Path) -> None:
+    """That is in no frame: the command has read both, and asked."""
+    bench.there = f"hand?state={tmp_path}/hand.json&"
+    for words, left in ((HAND, [("hand", 1)]), (("stop",), []), (RELEASED, [("hand", 1)])):
+        run(*words, "-p", PORT)
+        assert going() == left, words
+
+
+@each_row(
+    "words, now",
+    [(("exo", "id", "5", "-y"), 5), (("exo", "raw", "eb 90 01 04 12 e8 03 05 07", "-y", "--force-ambiguous"), 5)],
+)
+def test_what_moves_is_stopped_at_its_new_id(words: tuple[str, ...], now: int, bench: Bench, tmp_path: Path) -> None:
+    file = tmp_path / "config.toml"
+    file.write_text(f"[devices.left]\nkind = 'exo'\nport = '{PORT}'\nid = 1\n")
+    for where in (("-p", PORT), ("-d", "left")):
+        bench.there = f"exo?state={tmp_path}/{where[0]}.json&"
+        run(*EXO, "-p", PORT)
+        run(*words, "-p", PORT)
+        assert going() == [("exo", now)]
+        result = run("exo", "stop", *where, "--json", env={"HANDCTL_CONFIG": str(file)})
+        assert (result.code, stopped_ids(result), going()) == (0, [now], []), result
 
 
 @each_row(
@@ -209,6 +282,29 @@ def test_the_note_is_bounded_and_what_is_damaged_in_it_is_nothing() -> None:
     ):
         lock_file().write_text(text)
         assert going() == wanted, text
+
+
+def test_what_is_gone_from_the_line_is_tried_twice(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each time that is a failure: it may move elsewhere. Then a stop is that of what is there, at once."""
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    run(*EXO, "--id", "2", "-p", PORT)
+    on_line(bench, monkeypatch, d1="exo?")
+    for code, left, said in ((4, [("exo", 2)], False), (4, [], True), (0, [], False)):
+        result = run("exo", "stop", "-p", PORT, "--json")
+        assert (result.code, going(), "gone" in result.codes()) == (code, left, said), result
+
+
+def test_what_was_driven_through_an_adapter_is_stopped_through_it(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.there, opened = "wrist?bus=can&id=3&", list[str]()
+    can, opens = f"can:slcan:{PORT}", connection.open_link
+    monkeypatch.setattr(connection, "open_link", lambda name, **options: opened.append(name) or opens(name, **options))
+    for words in (("stop",), ("wrist", "stop")):
+        assert run(*WRIST, "--id", "3", "-p", can).code == 0
+        opened.clear()
+        result = run(*words, "-p", PORT, "--json", "--id", "3")
+        assert (result.code, set(opened), going()) == (0, {can}, []), result
 
 
 # -- who holds the line ------------------------------------------------------------------------------------------------
@@ -427,6 +523,19 @@ def test_a_command_that_no_lock_of_ours_tells_of_is_known_by_its_words(
     result = run("stop", "-p", PORT, "--json")
     assert (result.code, stopped_ids(result), bench.asked) == (0, ids, []), result
     assert "others" in result.codes()
+
+
+@each_row("open_there, code", [(True, 6), (False, 0)])
+def test_a_batch_of_which_nothing_is_known_is_no_success(
+    open_there: bool, code: int, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it has set in motion may have any id. One that only waits, and has the port not open, moves nothing."""
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter([(77, ["batch", "-p", PORT])]))
+    monkeypatch.setattr(port_users, "has_open", lambda *_, **_more: open_there)
+    bench.there = "exo?"
+    assert run("exo", "status", "-p", PORT).code == 0
+    result = run("stop", "-p", PORT, "--json")
+    assert (result.code, stopped_ids(result)) == (code, [1]), result
 
 
 def test_what_another_user_drives_is_stopped_besides_what_we_met(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:

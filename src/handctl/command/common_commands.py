@@ -284,7 +284,9 @@ def add_map_verbs(
         from handctl.stop import stop_command
 
         reached: set[tuple[str, int]] = set()
-        return stop_command.others_stopped(run, stop_command.stop(run, reached=reached), reached)
+        table = stop_command.others_stopped(run, stop_command.stop(run, reached=reached), reached)
+        stop_command.tell_gone(run)
+        return table
 
     @scan_options
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:

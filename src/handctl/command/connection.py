@@ -181,13 +181,6 @@ def _named(run: Invocation, kind: str, number: int) -> str:
     return f"{kind} id {number}" if run.family.ids else kind
 
 
-def _plan(run: Invocation) -> StopPlan:
-    """How the device of this run is stopped."""
-    from handctl.model.stop_sequence import StopPlan
-
-    return StopPlan(run.opened.kind, run.opened.stop_context())
-
-
 # -- many commands on open links ------------------------------------------------------------------------------------
 
 
@@ -290,7 +283,8 @@ class Session:
     def _guard(self, connection: Connection, run: Invocation) -> None:
         """From now on the death of this process stops the device of this run. Raises LinkError."""
         if run.opened is not None:
-            self._guard_with(connection, _plan(run), run.journal)
+            for plan in run.opened.stop_plans(None, *run.journal.ledger.meant):
+                self._guard_with(connection, plan, run.journal)
 
     def _guard_with(self, connection: Connection, plan: StopPlan, journal: Journal) -> None:
         from handctl.link.deadman import guard_link
@@ -325,12 +319,30 @@ class Session:
 
     def _note_movement(self, connection: Connection, run: Invocation, failure: HandctlError | None) -> None:
         """Remember what the command leaves moving, or that it was stopped."""
+        self._rename(connection, run)
         moving = run.opened is not None and run.journal.still_moving() is not None
+        ledger = run.journal.ledger
         if (moving and isinstance(connection.stopped or failure, Interrupted)) or (run.stops and failure is None):
-            self._forget(connection.name, _device(run))
+            for device in ledger.halted or (None,):
+                self._forget(connection.name, device or _device(run))
         elif moving:
-            self._forget(connection.name, _device(run), guarded=True)
-            self.in_motion.append(Mover(run, connection.name, _plan(run)))
+            for plan in run.opened.stop_plans(*(ledger.going or (None,))):
+                self._forget(connection.name, plan.device, guarded=True)
+                self.in_motion.append(Mover(run, connection.name, plan))
+
+    def _rename(self, connection: Connection, run: Invocation) -> None:
+        """What is in motion is stopped at the id that this command has given it. Raises LinkError."""
+        from handctl.model.stop_sequence import StopPlan
+
+        names = run.journal.ledger.names
+        for before, after in names:
+            for at, mover in enumerate(self.in_motion):
+                if (mover.link, mover.plan.device) == (connection.name, before):
+                    plan = StopPlan(after[0], mover.plan.context.of(before, after))
+                    self.in_motion[at] = mover._replace(plan=plan)
+                    if connection.key in self._guards:
+                        self._guard_with(connection, plan, run.journal)
+        names.clear()
 
     def _moving_on(self, name: str) -> list[Mover]:
         return [mover for mover in self.in_motion if mover.link == name]
@@ -381,7 +393,7 @@ class Session:
             return Stopped(exc.text, joined("switch the power off if the device is still moving", exc.hint), kind)
         assert known.link is not None
         stopped = mover.stop(known.link)
-        return known.device_access.judged(stopped) if known.device_access is not None else stopped
+        return known.device_access.judged(stopped, [mover.plan.device]) if known.device_access is not None else stopped
 
     def _open_at(self, name: str) -> Connection | None:
         return next((one for one in self._open.values() if one.name == name and one.link is not None), None)
@@ -402,10 +414,14 @@ class Session:
     def stop_all(self, run: Invocation, link: Link, sent: list[Sent], own: Callable[[], Stopped]) -> Stopped:
         """Stop what is in motion on the link of this run, and its own device by `own`: first that if it is what moves."""
         name, device = run.link_name(), _device(run)
+        if (known := self._open_at(name)) is not None:
+            self._rename(known, run)
         others = [mover for mover in self._moving_on(name) if mover.plan.device != device]
         stops: list[tuple[object, str, Callable[[], Stopped]]] = [
             (mover.plan.device, mover.name, partial(mover.stop, link, sent)) for mover in others
         ]
+        from handctl.model.stop_sequence import joined_stops
+
         stops.insert(0 if run.journal.drives else len(stops), (device, _named(run, *device), own))
         ended = []
         for which, called, stop in stops:
@@ -413,8 +429,7 @@ class Session:
             if stopped.error is None:
                 self._forget(name, which, guarded=True)
             ended.append(stopped._replace(text=f"{called}: {stopped.text}") if others else stopped)
-        worst = next((one for one in ended if one.error is not None), ended[-1])
-        return worst._replace(text=joined(*(one.text for one in ended)))
+        return joined_stops(ended)
 
     def stopped(self, journal: Journal) -> HandctlError | None:
         """How another process has stopped a device since the last command; its link is closed. None where none has."""

@@ -270,8 +270,9 @@ class Run(Invocation):
 
                 observed(link, self.ledger)
                 if (access := self.connection.device_access) is not None:
-                    self.ledger.unstoppable = access.unstoppable
+                    self.ledger.unstoppable = partial(access.unstoppable, self)
                     self.ledger.moving = partial(access.moving, self)
+                    self.ledger.renamed = access.renamed
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
 

@@ -1,8 +1,8 @@
 """The lock of a device: one process at a time, held while a link is open. Its file names the holder.
 
 The lock is an flock on a file of this user, so the system releases it when the process ends. Its first line names the
-holder and its command, and is empty if there is none. The second is the device that a command met last. The third says until
-when something may last that a command has started and no command stops; mostly there is none. Each line behind them is a
+holder and its command, and is empty if there is none. The second is the device that a command met last. The third says of each
+device until when something may last that a command has started and no command stops; mostly there is none. Each line behind them is a
 device that a command has set going, and that no acknowledged stop has ended since, the last one first. Two names of one place (a by-id link and /dev/ttyUSB0, a path below slcan, spy:// or alt://) are one lock. A file next to it says when
 the device was stopped last. Knows no link's inside.
 """
@@ -35,15 +35,25 @@ FIELDS = 6
 """Of a `Holder` in the lock file."""
 MOST_MOVING = 8
 """Devices on one line that are remembered as set going; of more than that the last ones."""
-NUMBERS = ("id", "baud")
-"""Settings of a `Reached` that are whole numbers."""
+NUMBERS = ("id", "baud", "was")
+"""What is told of a `Reached` in whole numbers."""
+
+
+SILENT = "silent"
+"""In the line of a `Reached`."""
 
 
 class Reached(NamedTuple):
-    """A device that a command has reached: its family, and the settings that reach it where they are not the usual ones."""
+    """A device that a command has reached: its family, and the settings that reach it where they are not the usual ones.
+
+    silent  it was stopped before, and another device on the line was heard then, but not this one
+    was     the id with which it was set going, if handctl has given it another one since; else 0
+    """
 
     family: str
     settings: dict[str, Any]
+    silent: bool = False
+    was: int = 0
 
     @property
     def key(self) -> tuple[str, int]:
@@ -54,7 +64,8 @@ class Reached(NamedTuple):
     def line(self) -> str:
         """The line for the lock file: the family, and each setting as KEY=VALUE, separated by tabs."""
         more = (f"{key}={' '.join(str(value).split())}" for key, value in self.settings.items())
-        return "\t".join((self.family, *more))
+        notes = [*([SILENT] if self.silent else []), *([f"was={self.was}"] if self.was else [])]
+        return "\t".join((self.family, *more, *notes))
 
     @classmethod
     def of_line(cls, line: str) -> Reached:
@@ -62,7 +73,10 @@ class Reached(NamedTuple):
         family, *more = line.split("\t")
         pairs = [(key, value) for key, _, value in (one.partition("=") for one in more) if value]
         numbers = {key: int(value) for key, value in pairs if key in NUMBERS and value.isdecimal() and len(value) < 10}
-        return cls(family, {**{key: value for key, value in pairs if key not in NUMBERS}, **numbers})
+        was = numbers.pop("was", 0)
+        return cls(
+            family, {**{key: value for key, value in pairs if key not in NUMBERS}, **numbers}, SILENT in more, was
+        )
 
 
 class Holder(NamedTuple):
@@ -121,28 +135,29 @@ class Lock:
         except OSError as exc:
             self.unrecorded = f"{self.path}: {exc.strerror or exc}"
 
-    def lasts(self, seconds: float) -> None:
-        """Note that something has begun that no command stops, and may last so long; 0 = it is over. For later commands too."""
-        self._until = clock.now() + seconds if seconds else 0.0
+    def lasts(self, device: tuple[str, int], seconds: float) -> None:
+        """Note that something has begun on this device that no command stops, and may last so long; 0 = it is over. For later commands too."""
+        self._until[device] = clock.now() + seconds if seconds else 0.0
         with suppress(OSError):
             self._write(self._descriptor)
 
-    @property
-    def lasting(self) -> bool:
-        """Whether such a thing may still last."""
-        return 0 < self._until - clock.now() < MOST_LASTING
+    def lasting(self, device: tuple[str, int]) -> bool:
+        """Whether such a thing may still last there."""
+        return 0 < self._until.get(device, 0.0) - clock.now() < MOST_LASTING
 
     def _write(self, descriptor: int) -> None:
-        until = f"{self._until!r}" if self.lasting else ""
+        until = "\t".join(f"{one[0]}\t{one[1]}\t{end!r}" for one, end in self._until.items() if self.lasting(one))
         met = self._met.line if self._met is not None else ""
         rest = "\n".join((met, until, *(one.line for one in self.going))).rstrip("\n")
         text = f"{self._line}{rest}\n" if rest else self._line.lstrip("\n")
         os.ftruncate(descriptor, 0)
         disk.write_at(descriptor, text.encode("utf-8", "replace"), 0)
 
-    def remember(self, device: Reached) -> None:
-        """A command has met this device: whoever asks after the release is told so."""
+    def remember(self, device: Reached, *, replied: bool = False) -> None:
+        """A command has met this device: whoever asks after the release is told so. It `replied`: this is what reaches it now."""
         self._met = device
+        if replied:
+            self.going = [device._replace(was=one.was) if one.key == device.key else one for one in self.going]
 
     def set_going(self, device: Reached) -> None:
         """A command has set this device going. Whoever asks is told so from now on, also if this process is killed."""
@@ -151,6 +166,26 @@ class Lock:
     def at_rest(self, device: Reached) -> None:
         """A stop of this device was acknowledged."""
         self._keep_going([one for one in self.going if one.key != device.key])
+
+    def silent(self, device: tuple[str, int]) -> bool:
+        """This device was silent at a stop, and another one was not. The second time it is forgotten; whether it was."""
+        forgotten = any(one.silent for one in self.going if one.key == device)
+        self._keep_going(
+            [
+                one._replace(silent=True) if one.key == device else one
+                for one in self.going
+                if not (one.silent and one.key == device)
+            ]
+        )
+        return forgotten
+
+    def renamed(self, before: tuple[str, int], after: tuple[str, int]) -> None:
+        """A device has another id than before; `before` and `after` are keys of a `Reached`."""
+        number = {"id": after[1]} if after[1] != 1 else {}
+        for one in [one for one in self.going if one.key == before]:
+            settings = {**{key: value for key, value in one.settings.items() if key != "id"}, **number}
+            now = one._replace(settings=settings, was=one.was or before[1])
+            self._keep_going([now if other is one else other for other in self.going if other.key != after])
 
     def _keep_going(self, going: list[Reached]) -> None:
         if going != self.going:
@@ -355,12 +390,13 @@ def _reached(descriptor: int) -> tuple[Reached | None, list[Reached]]:
     return met if met.family else None, [Reached.of_line(line) for line in lines[3:] if line][:MOST_MOVING]
 
 
-def _until(descriptor: int) -> float:
-    """Until when something may last that no command stops, on `clock`; 0 = nothing is noted."""
+def _until(descriptor: int) -> dict[tuple[str, int], float]:
+    """Until when something may last on a device that no command stops, on `clock`."""
     try:
-        return float(_lines(descriptor)[2])
+        fields = _lines(descriptor)[2].split("\t")
+        return {(kind, int(number)): float(end) for kind, number, end in zip(*[iter(fields)] * 3, strict=False)}
     except (OSError, ValueError, IndexError):
-        return 0.0
+        return {}
 
 
 def _holder(descriptor: int) -> Holder | None:

@@ -90,9 +90,14 @@ def handctl_commands(is_there: Callable[[str], bool], root: Path = ROOT) -> Iter
         if begin is None or not _foreign(pid, root):
             continue
         links = [_value(words, at, ("-p", "--port")) for at in range(begin + 1, len(words))]
-        held = (target for target in (_descriptors(pid, root) or {}).values() if held_by_name(target))
-        if any(map(is_there, (*filter(None, links), *held))):
+        if any(map(is_there, filter(None, links))) or has_open(pid, is_there, root):
             yield pid, words[begin + 1 :]
+
+
+def has_open(pid: int, is_there: Callable[[str], bool], root: Path = ROOT, *, hidden: bool = False) -> bool:
+    """Whether a process has a place open; `hidden` where it is not ours to look at."""
+    names = _descriptors(pid, root)
+    return hidden if names is None else any(map(is_there, filter(held_by_name, names.values())))
 
 
 def _is_handctl(word: str) -> bool:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
@@ -50,6 +50,7 @@ if TYPE_CHECKING:
     from handctl.model.movement import Clock
     from handctl.model.param import Step
     from handctl.model.prompts import Prompts
+    from handctl.model.write_ledger import Addressee
 
 OTHER_FORM = "other-form"
 """Code of a device whose replies are not those of the manual, in the same way each time."""
@@ -347,7 +348,15 @@ class Device(ABC):
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
         settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
-        return context_for_link(self.link, settings)._replace(fixed=True, proven=True)
+        context = context_for_link(self.link, settings)._replace(fixed=True, proven=True)
+        going = tuple(one for one in self.journal.ledger.going if one is not None)
+        return context if going in ((), ((self.kind, context.number),)) else context._replace(going=going)
+
+    def stop_plans(self, *devices: Addressee | None) -> list[StopPlan]:
+        """How each of these devices on its line is stopped: family and id, None = this one."""
+        context = self.stop_context()
+        own = self.kind, context.number
+        return [StopPlan(one[0], context.of(own, one)) for one in dict.fromkeys(one or own for one in devices)]
 
     def stop(self, *, powered: bool = False) -> Stopped:
         """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""
@@ -355,21 +364,27 @@ class Device(ABC):
         sequence = stop_sequence_of(self.kind, self.stop_context()._replace(powered=powered))
         return run_stop(self.link, sequence, ledger=ledger if ledger.words is not None else None)
 
+    @contextmanager
     def guarded(
         self,
         *,
         heartbeat: float = 0.0,
         powered: bool = False,
         sequence: Callable[[StopContext], StopSequence] | None = None,
-    ) -> AbstractContextManager[Guard]:
-        """While this is active, the death of this process stops the device by the same plan, or by `sequence`. Raises LinkError.
+    ) -> Iterator[Guard]:
+        """While this is active, the death of this process stops the device by the same plan, or by `sequence`, and whatever else on its
+        line the command has said that it moves. Raises LinkError.
 
         `heartbeat` as in `link.deadman`, `powered` as in `StopContext`.
         """
         from handctl.link.deadman import guard_link
 
-        stop = StopPlan(self.kind, self.stop_context()._replace(powered=powered), sequence)
-        return guard_link(self.link, stop, self.journal.warn, heartbeat=heartbeat)
+        own, *others = self.stop_plans(None, *self.journal.ledger.meant)
+        own = StopPlan(self.kind, own.context._replace(powered=powered), sequence)
+        with ExitStack() as stack:
+            for stop in (own, *others):
+                guard = stack.enter_context(guard_link(self.link, stop, self.journal.warn, heartbeat=heartbeat))
+            yield guard
 
     @contextmanager
     def driven(

@@ -455,6 +455,7 @@ class Journal:
         """
         if self.set_going is not None:
             self.set_going()
+        self.ledger.drives = True
         self._moving = stop, self._moving[1] if self._moving is not None else self.ledger.mark
 
     @property

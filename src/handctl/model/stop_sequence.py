@@ -28,7 +28,7 @@ from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 
 if TYPE_CHECKING:
-    from handctl.model.write_ledger import Ledger
+    from handctl.model.write_ledger import Addressee, Ledger
 
 WRITE_SECONDS = 1.0
 RECONNECT_SECONDS = 1.0
@@ -55,6 +55,7 @@ class StopContext(NamedTuple):
     proven  this program has identified the device: its family and its address
     powered keep the motor power on if the movement ends without switching it off
     within  seconds for which a step is repeated, 0 for the usual time
+    going   family and id of each device on its line that is to be stopped in its place, () = it is the one
     """
 
     settings: Settings
@@ -64,6 +65,13 @@ class StopContext(NamedTuple):
     proven: bool = False
     powered: bool = False
     within: float = 0.0
+    going: tuple[Addressee, ...] = ()
+
+    def of(self, own: Addressee, device: Addressee) -> StopContext:
+        """The context of this device on the line of the `own` one."""
+        if device == own:
+            return self._replace(going=())
+        return self._replace(settings=self.settings._replace(id=device[1]), proven=False, going=())
 
     @property
     def number(self) -> int:
@@ -153,9 +161,26 @@ class Sent(NamedTuple):
 
 
 def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
-    """The stop of a device of family `kind`."""
+    """The stop of a device of family `kind`, or of those that are `going` on its line."""
+    if context.going:
+        return _one_by_one((kind, context.number), context)
     sequence: StopSequence = importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps(context)
     return sequence
+
+
+def _one_by_one(own: Addressee, context: StopContext) -> StopSequence:
+    """The stop of each device that is `going`."""
+    ended = []
+    for device in context.going:
+        stopped = yield from stop_sequence_of(device[0], context.of(own, device))
+        ended.append(stopped._replace(text=f"{device[0]} id {device[1]}: {stopped.text}"))
+    return joined_stops(ended)
+
+
+def joined_stops(ended: Sequence[Stopped]) -> Stopped:
+    """The result of several stops: what speaks against one of them speaks against all."""
+    worst = next((one for one in ended if one.error is not None), ended[-1])
+    return worst._replace(text=joined(*(one.text for one in ended)))
 
 
 class StopPlan:

@@ -8,7 +8,7 @@ protocol and does no I/O.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
@@ -27,6 +27,8 @@ SHOWN_BYTES = 24
 
 
 F = TypeVar("F")
+Addressee = tuple[str, int]
+"""Family and id of a device on a line."""
 
 
 class Frame(NamedTuple):
@@ -39,6 +41,8 @@ class Frame(NamedTuple):
     meaning   what it says where its bytes alone do not show that; "" = they do
     next      what to do if nothing confirms it, where the bytes alone do not show that
     lasts     seconds that what it starts may last, if no command stops that, such as a calibration; 0 = nothing of the kind
+    to        the device that it is addressed to, None where its bytes do not say that: it is that of the command
+    new_id    the id that this device has once the frame is confirmed; 0 = it stays
     """
 
     data: bytes
@@ -50,6 +54,8 @@ class Frame(NamedTuple):
     meaning: str = ""
     next: str = ""
     lasts: float = 0.0
+    to: Addressee | None = None
+    new_id: int = 0
 
 
 class WriteRules(Protocol):
@@ -69,6 +75,10 @@ class WriteRules(Protocol):
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """What to read when nothing has confirmed this frame."""
+        ...
+
+    def addressed(self, data: bytes, can_id: int | None) -> Collection[Addressee]:
+        """The devices that a planned step is addressed to, as far as its bytes say that."""
         ...
 
 
@@ -123,11 +133,15 @@ class RequestReplyRules(ABC, Generic[F]):
         """See WriteRules."""
         return self.look
 
+    def addressed(self, data: bytes, can_id: int | None) -> Collection[Addressee]:
+        """See WriteRules."""
+        return ()
+
 
 class Write:
     """One step: planned, or seen on the wire, or both."""
 
-    __slots__ = ("can_id", "count", "evidence", "frame", "last", "meaning", "missed", "state", "words")
+    __slots__ = ("can_id", "count", "evidence", "frame", "last", "meaning", "missed", "named", "state", "words")
 
     def __init__(self, frame: Frame, meaning: str, state: str, words: WriteRules | None) -> None:
         self.words = words  # a stop may go on to another device, in the words of its family
@@ -137,6 +151,7 @@ class Write:
         self.last = frame.data
         self.count = 1
         self.missed = 0
+        self.named = False
         self.evidence = ""
 
     def again(self, data: bytes) -> None:
@@ -161,11 +176,22 @@ class Ledger:
         self._waiting: dict[Hashable, Write] = {}
         self._one_step: Frame | None = None
         self._repeats = False
-        self.unstoppable: Callable[[float], object] = lambda seconds: None
-        """Called where something begins that no command stops, with the seconds that it may last; with 0 when it is over."""
-        self.moving: Callable[[bool], object] = lambda moving: None
-        """Called where the first write goes out that moves the device, and where a stop of it was acknowledged (False)."""
-        self._going = False
+        self.unstoppable: Callable[[Addressee | None, float], object] = lambda to, seconds: None
+        """Called where something begins on a device that no command stops, with the seconds that it may last; with 0 when it is over."""
+        self.moving: Callable[[Addressee | None, bool], object] = lambda to, moving: None
+        """Called where the first write goes out that moves a device, and where a stop of it was acknowledged (False)."""
+        self.renamed: Callable[[Addressee, Addressee], object] = lambda before, after: None
+        """Called where a device is shown to have another id than before."""
+        self.drives = False
+        """What is written from now on moves the device, whatever the plan says: it may go on to a target that it holds."""
+        self.going: list[Addressee | None] = []
+        """What the writes have set going and no stop was acknowledged of since; None = the device of the command."""
+        self.meant: dict[Addressee, None] = {}
+        """What the planned steps that move something are addressed to."""
+        self.halted: set[Addressee | None] = set()
+        """What the last stop went out to."""
+        self.names: list[tuple[Addressee, Addressee]] = []
+        """Each change of an id that was shown, before and after."""
         self._stops: set[Hashable] = set()  # the planned steps that stop the device
         self._moves = False  # whether any step that was planned moves the device
         self._asked: set[Hashable] = set()  # what of the plan went out
@@ -184,6 +210,8 @@ class Ledger:
                 self._plan.append((same, step))
                 if self._repeats:
                     self._stops.add(same)
+            if step.moves and not self._repeats and self.words is not None:
+                self.meant.update(dict.fromkeys(self.words.addressed(step.data, step.can_id)))
 
     def forget(self) -> None:
         """What was planned and has not gone out will not: the device is on another wire, in other bytes."""
@@ -232,6 +260,7 @@ class Ledger:
         the device was stopped before, and the link sends nothing more.
         """
         before, self._repeats = self._repeats, True
+        self.halted = set()
         planned = list(self._plan)
         try:
             yield
@@ -243,15 +272,19 @@ class Ledger:
 
     def _note(self, frame: Frame) -> None:
         if frame.lasts:
-            self.unstoppable(frame.lasts)
+            self.unstoppable(frame.to, frame.lasts)
         planned = self._planned(frame.same)
         if planned is not None:
             self._asked.add(frame.same)
-            self._set_going(planned.moves)
         elif frame.unasked and frame.same not in self._asked:
             return
-        elif frame.same not in self._asked:
-            self._set_going(True)
+        if self._repeats:
+            self.halted.add(frame.to)
+        elif (
+            self.drives or (planned.moves if planned is not None else frame.same not in self._asked)
+        ) and frame.to not in self.going:  # of one that no plan has it is not known whether it moves
+            self.going.append(frame.to)
+            self.moving(frame.to, True)
         last = self._writes[-1] if self._writes else None
         if self._repeats and last is not None and frame.same is not None and last.frame.same == frame.same:
             last.count += 1
@@ -264,16 +297,12 @@ class Ledger:
         if frame.key is not None:
             self._waiting[frame.key] = last
 
-    def _set_going(self, moves: bool) -> None:
-        """A write has gone out; of one that no plan has it is not known whether it `moves`."""
-        if moves and not self._repeats and not self._going:
-            self._going = True
-            self.moving(True)
-
     def stopped(self) -> None:
-        """A stop of the device was acknowledged."""
-        self._going = False
-        self.moving(False)
+        """The last stop was acknowledged."""
+        self.drives = False
+        for to in self.halted or (None,):
+            self.going = [one for one in self.going if one != to]
+            self.moving(to, False)
 
     def _planned(self, same: Hashable) -> Step | None:
         """Takes the step out of the plan: it went out."""
@@ -288,6 +317,18 @@ class Ledger:
         if write is not None:
             write.state = CONFIRMED if accepted else REFUSED
             write.evidence = ACKNOWLEDGED if accepted else "refused by the device"
+            self._name(write, accepted)
+
+    def _name(self, write: Write, confirmed: bool) -> None:
+        """The device that this was written to has the new id, or has it no longer; where the frame gives it one."""
+        to = write.frame.to
+        if to is None or not write.frame.new_id or confirmed == write.named:
+            return
+        write.named, new = confirmed, (to[0], write.frame.new_id)
+        before, after = (to, new) if confirmed else (new, to)
+        self.going = [after if one == before else one for one in self.going]
+        self.names.append((before, after))
+        self.renamed(before, after)
 
     # -- what a device adds --------------------------------------------------------------------------------------
 
@@ -301,12 +342,14 @@ class Ledger:
         for write in self._chosen(steps, since):
             if write.state == SENT or steps:
                 write.state, write.evidence, write.missed = CONFIRMED, evidence, 0
+                self._name(write, True)
 
     def doubt(self, evidence: str, *steps: Step, since: int = 0) -> None:
         """`evidence`, as "reads 200", speaks against what these `steps` should have done, acknowledged or not."""
         for write in self._chosen(steps, since):
             if write.state != REFUSED:
                 write.state, write.evidence = SENT, evidence
+                self._name(write, False)
 
     def refuse(self, evidence: str, *steps: Step) -> None:
         """`evidence` shows that the device has done nothing of these `steps`."""

@@ -10,13 +10,14 @@ from __future__ import annotations
 import contextlib
 import os
 from _thread import RLock
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from handctl import interrupts
 from handctl.errors import STOPPED, Aftermath, DeviceRefused, HandctlError, Interrupted, LinkError
 from handctl.families import FAMILIES
+from handctl.link import ByteLink
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
     from handctl.command.invocation import Invocation
     from handctl.link import Deadline, Link
     from handctl.link.device_lock import Lock, Reached
+    from handctl.model.write_ledger import Addressee
     from handctl.stop.stop_listener import StopListener
 
 UNSEEN = "something that no command stops, such as a calibration, was started here shortly before, and its end has not been seen"
@@ -102,7 +104,8 @@ class DeviceAccess:
         self._lock: Lock | None = None
         self._ear: StopListener | None = None
         self._place = run.place if lock is not None else ""
-        self._until = float("-inf")
+        self._until: dict[tuple[str, int], float] = {}
+        self._silent: list[Addressee] = []
         self._at_rest: set[tuple[str, int]] = set()
         """Family and id of each device whose stop was acknowledged over this link, and that nothing has set going since."""
         if lock is not None:
@@ -168,9 +171,12 @@ class DeviceAccess:
         """This run has met its device, see `Lock.remember`. What cannot be on one line with it is no longer behind this link."""
         if self._lock is None:
             return
-        met = self._reached(run)
-        self._lock.remember(met)
         assert run.family is not None
+        met, link = self._reached(run), self.link
+        if isinstance(link, ByteLink) and link.can_set_baud and run.family.recall is None:
+            usual = run.settings.baud or run.family.baud
+            met.settings.update({"baud": link.baud} if link.baud not in (None, usual) else {})  # it was changed
+        self._lock.remember(met, replied=run.journal.counters.received > 0)
         for one in self._lock.going if run.journal.counters.received else ():
             pair = {one.family, met.family}
             apart = run.family.ids and one.key[1] != met.key[1]
@@ -181,23 +187,42 @@ class DeviceAccess:
             ):
                 self._lock.at_rest(one)
 
-    def moving(self, run: Invocation, moves: bool) -> None:
-        """This run has set its device going, or a stop of it was acknowledged, see `Lock.set_going`. Never raises."""
-        device = self._reached(run)
+    def moving(self, run: Invocation, to: Addressee | None, moves: bool) -> None:
+        """This run has set its device going, or the one that it has written `to`, or a stop of that was acknowledged, see
+        `Lock.set_going`. Never raises."""
+        device = self._reached(run, to)
         (self._at_rest.discard if moves else self._at_rest.add)(device.key)
         if self._lock is not None:
             (self._lock.set_going if moves else self._lock.at_rest)(device)
 
-    def _reached(self, run: Invocation) -> Reached:
-        """The device of this run, and what reaches it."""
+    def renamed(self, before: Addressee, after: Addressee) -> None:
+        """A device on this line has another id than before. Never raises."""
+        self._at_rest = {after if one == before else one for one in self._at_rest}
+        if self._lock is not None:
+            self._lock.renamed(before, after)
+
+    def _reached(self, run: Invocation, to: Addressee | None = None) -> Reached:
+        """The device of this run, or the one that it has written `to`, and what reaches it."""
         from handctl.link.device_lock import Reached
 
         assert run.family is not None
-        kind, settings = run.family.kind, run.settings
-        number = context_at(run, self.link).number if self.link is not None else 1
-        found = {"id": number if number != 1 else None, "baud": settings.baud}
+        settings, link = run.settings, self.link
+        own = run.family.kind, context_at(run, link).number if link is not None else 1
+        kind, number = to or own
+        found: dict[str, Any] = {"id": number if number != 1 else None, "baud": settings.baud}
+        found["port"] = settings.port if (settings.port or "").startswith("can:") else None
         found |= {option.key: settings.own.get(option.key) for option in FAMILIES[kind].options if option.named}
         return Reached(kind, {key: value for key, value in found.items() if value is not None})
+
+    def silent(self, device: Addressee) -> None:
+        """Nothing at all has come from this device while it was being stopped."""
+        self._silent.append(device)
+
+    def gone(self) -> list[Addressee]:
+        """The devices that have been silent at a stop before, too, while another one on the line has acknowledged its own: they are no
+        longer remembered as moving."""
+        silent = self._silent if self._at_rest and self._lock is not None else []
+        return [device for device in silent if self._lock is not None and self._lock.silent(device)]
 
     def note_stop(self) -> None:
         """The device is being stopped, see `Lock.note_stop`."""
@@ -267,21 +292,22 @@ class DeviceAccess:
         signals.alarm_is_over()
         self.note_stop()
         sent: list[Sent] = []
+        context = context_at(self._run, self.link)
         stopped = self._stopped_all(sent)
         if stopped.error is LinkError:
             with contextlib.suppress(LinkError):
                 if self.link.reconnect(RECONNECT_SECONDS):
                     stopped = self._stopped_all(sent)
                     stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
-        if stopped.error is None:
-            self.moving(self._run, False)
-        stopped = self.judged(stopped)
+        if stopped.error is None and not self._run.writes:
+            self.moving(self._run, None, False)
+        stopped = self.judged(stopped, {*_devices(self._run, context), *self._at_rest})
         self.link.block_sending()
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
         self.stopped = kind(text, hint=stopped.hint, code=NOT_STOPPED if stopped.error else STOPPED)
-        self._report = report(stopped, sent, self._run, self.link)
+        self._report = report(stopped, sent, self._run, context)
         self._report["devices"] += [list(key) for key in self._at_rest]
         return self._report
 
@@ -292,19 +318,23 @@ class DeviceAccess:
         own = partial(stopped_at, run, link, sent)
         return own() if run.session is None else run.session.stop_all(run, link, sent, own)
 
-    def unstoppable(self, seconds: float) -> None:
-        """Note that something has begun that no command stops, and may last so long; 0 = it is over."""
+    def unstoppable(self, run: Invocation, to: Addressee | None, seconds: float) -> None:
+        """Note that something has begun that no command stops, and may last so long; 0 = it is over. On which device: see `moving`."""
+        device = self._reached(run, to).key
         if self.link is not None:
-            self._until = self.link.now() + seconds
+            self._until[device] = self.link.now() + seconds
         if self._lock is not None:
-            self._lock.lasts(seconds)
+            self._lock.lasts(device, seconds)
 
-    def judged(self, stopped: Stopped) -> Stopped:
-        """The result of a stop: no success while something lasts that none ends, whoever has started it with handctl."""
+    def _lasting(self, device: Addressee) -> bool:
+        """Whether such a thing may still last there."""
+        here = self.link is not None and self.link.now() < self._until.get(device, float("-inf"))
+        return here or (self._lock is not None and self._lock.lasting(device))
+
+    def judged(self, stopped: Stopped, devices: Iterable[Addressee]) -> Stopped:
+        """The result of a stop of these: no success while something lasts there that none ends, whoever has started it with handctl."""
         left = self._run.prompts.goes_on()
-        if left is None and (
-            (self._lock is not None and self._lock.lasting) or (self.link is not None and self.link.now() < self._until)
-        ):
+        if left is None and any(map(self._lasting, devices)):
             left = Aftermath(UNSEEN, "switch the power off if the device is still moving")
         if left is None:
             return stopped
@@ -345,20 +375,25 @@ def stopped_at(
     return run_stop(link, said, sent, run.ledger if run.writes else None, until)
 
 
+def _devices(run: Invocation, context: StopContext) -> list[Addressee]:
+    """The devices that a stop with this context is for."""
+    assert run.family is not None
+    return [*context.going] or [(run.family.kind, context.number)]
+
+
 def report(
     stopped: Stopped | None,
     sent: Sequence[Sent],
     run: Invocation | None = None,
-    link: Link | None = None,
+    context: StopContext | None = None,
     *,
     refused: bool = False,
 ) -> dict[str, Any]:
-    """The result of a stop as JSON, as `stop` shows it; `run` and its `link` tell the device that it was sent to."""
-    number = context_at(run, link).number if run is not None and link is not None else None
-    kind = run.family.kind if run is not None and run.family is not None else ""
+    """The result of a stop as JSON, as `stop` shows it; `run` and its `context` tell the devices that it was sent to."""
+    devices = _devices(run, context) if run is not None and context is not None else []
     return {
-        "id": number,
-        "devices": [[kind, number]] if number is not None else [],
+        "id": devices[0][1] if devices else None,
+        "devices": [list(device) for device in devices],
         "rows": rows(sent),
         "wire": wire(sent),
         "evidence": stopped.evidence if stopped is not None else "",

@@ -28,7 +28,7 @@ from handctl.model.stop_sequence import (
     stop_sequence_of,
     writes_without_replies,
 )
-from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
+from handctl.stop.device_access import DeviceAccess, context_at, lock_for, report, stopped_at
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
@@ -63,6 +63,8 @@ def stop(
     fall_back(run)
     if run.settings.dry_run:
         return run.dry_run(_plan(run, sequence))
+    if run.session is None:
+        _as_it_is_now(run)
     name = run.link_name()
     until = None if run.settings.deadline is None else Deadline(clock.now, began + run.settings.deadline)
     for problem in run.said.passed_over:
@@ -116,6 +118,39 @@ def others_stopped(run: Run, table: Table, reached: set[tuple[str, int]]) -> Tab
         return table
     _, moving = remembered(run.link_name(), family.tcp_port)
     return each_stopped(run, (one for one in moving if one.family == family.kind), reached, table) or table
+
+
+def _as_it_is_now(run: Run) -> None:
+    """Reach what handctl has set going as that is reached now: at the id that handctl has given it since, unless another one was typed,
+    and through the LINK that was used, where that is another one to the same port (CAN, by an slcan adapter)."""
+    assert run.family is not None
+    name, number = run.link_name(), run.settings.id or 1
+    mine = [one for one in remembered(name, run.family.tcp_port)[1] if one.family == run.family.kind]
+    link = next((one.settings["port"] for one in mine if "port" in one.settings), name)
+    if link != name and not name.startswith("can:"):
+        run.journal.warn(
+            "other-link", f"{name}: handctl set the device in motion through {link}, so the stop is sent through that"
+        )
+        run.settings = run.settings._replace(port=link)
+    if run.sources.get("id") in (COMMAND_LINE, OTHERS) or number in [one.key[1] for one in mine]:
+        return
+    for one in [one for one in mine if one.was == number][:1]:
+        run.journal.warn(
+            "new-id", f"handctl set the {one.family} in motion with id {number}, and has given it id {one.key[1]} since"
+        )
+        run.settings = run.settings._replace(id=one.key[1])
+
+
+def tell_gone(run: Run) -> None:
+    """Say which devices are no longer remembered as moving, since they seem to be gone from the line."""
+    access = run.connection.device_access
+    for kind, number in access.gone() if access is not None else ():
+        run.journal.warn(
+            "gone",
+            f"{kind} id {number} has not replied to two stops, and another device on this line has: it may be connected elsewhere now, "
+            "and handctl no longer remembers it as moving",
+            Hint("{} tries it again", f"{kind} stop --id {number} -p {run.settings.port}"),
+        )
 
 
 def each_stopped(
@@ -191,9 +226,10 @@ def _is_meant(run: Run, told: dict[str, Any]) -> bool:
 
 
 def _any_id(run: Run) -> bool:
-    """Whether nobody has said which id the device has, or its family has none."""
+    """Whether nobody has said which id the device has, or its family has none. That of a variable or of the file is for want of one."""
     assert run.family is not None
-    return not run.family.ids or ("id" not in run.sources and run.settings.device is None)
+    said = is_said(run.sources.get("id")) or _of_others(run) or run.settings.device is not None
+    return not said or not run.family.ids
 
 
 def _id_used(run: Run, number: int) -> str:
@@ -388,7 +424,10 @@ def _from_here(
         with run.prompts.stopping():
             stopped = stopped_at(run, link, sent, sequence, end)
             if (access := run.connection.device_access) is not None:
-                stopped = access.judged(stopped)
+                device = run.family.kind, context_at(run, link).number
+                stopped = access.judged(stopped, [device])
+                if stopped.error is errors.NoAnswer and not stopped.heard and not any(one.came for one in sent):
+                    access.silent(device)
     expired = end is not None and end.expired
     silent = (
         not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
@@ -398,7 +437,7 @@ def _from_here(
             stopped = stopped._replace(text=otherwise(run.device()), hint="", error=None)
         except HandctlError as exc:
             stopped = stopped._replace(text=errors.joined(stopped.text, exc.text))
-    return report(stopped, sent, run, link)
+    return report(stopped, sent, run, context_at(run, link))
 
 
 # -- what holds up no stop ------------------------------------------------------------------------------------------

@@ -17,12 +17,12 @@ from handctl.command.config import Device, read_config
 from handctl.command.family import load
 from handctl.command.options import COMMAND_LINE, NAMED, Source
 from handctl.command.run import Run
-from handctl.errors import OTHER_DEVICE, HandctlError, Hint, UsageError, joined
+from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, Hint, UsageError, joined
 from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import ByteLink, open_link
 from handctl.link.device_lock import OURS, Reached, canonical, hold, remembered
 from handctl.model.result import Journal, Row, Table
-from handctl.stop.stop_command import each_stopped, is_said, stopped_as, unheard
+from handctl.stop.stop_command import each_stopped, is_said, stopped_as, tell_gone, unheard
 from handctl.system.user_folders import config_path
 from handctl.tools.family_probe import family_of, has_speed, probe_of, usual_ports, wire_of
 
@@ -43,9 +43,16 @@ def cli(run: Run) -> Table:
     If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
     was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
+    table = _stopped(run)
+    tell_gone(run)
+    return table
+
+
+def _stopped(run: Run) -> Table:
     kind = _kind(run)
     reached: set[tuple[str, int]] = set()
     going, others = [], []
+    unknown: list[int] = []
     if kind:
         table: Table | None = stopped_as(run, kind, reached)
     else:
@@ -56,16 +63,21 @@ def cli(run: Run) -> Table:
         else:
             kind = family_at(run)
             table = stopped_as(run, kind, reached) if kind else None
-        others = list(_used_by_others(run))
+        others = list(_used_by_others(run, unknown))
         if others and not going and table is not None and table.failure is not None and _missed(table):
             # Another device is there now than the one that was met.
             run.journal.warn("other-device", table.failure.text)
             table.failure = None
         table = each_stopped(run, others, reached, table)
     # What a command of another user is using is there: nothing else is looked for.
-    if table is not None and (others or not _missed(table)):
-        return table
-    return _other_stopped(run, kind, table, reached, going=bool(going))
+    if table is None or not (others or not _missed(table)):
+        table = _other_stopped(run, kind, table, reached, going=bool(going))
+    for pid in unknown:
+        text = f"another handctl (pid {pid}) is using {run.settings.port}, too, and it is not known what it has set in motion"
+        hint = f"end it with `kill {pid}`: it then stops that, as with Ctrl-C"
+        run.journal.warn("others", text, hint)
+        table.failure = table.failure or DeviceRefused(text, hint=hint, code="others")
+    return table
 
 
 def _other_stopped(run: Run, kind: str, first: Table | None, reached: set[tuple[str, int]], *, going: bool) -> Table:
@@ -178,9 +190,13 @@ def _set_going(run: Run) -> list[Reached]:
     return [*moving, *([met] if met is not None and typed is None else [])] if moving else []
 
 
-def _used_by_others(run: Run) -> Iterator[Reached]:
-    """The devices at --port that handctl commands are using without our lock: those of another user, or with other folders."""
-    from handctl.link.port_users import handctl_commands, option_in
+def _used_by_others(run: Run, unknown: list[int]) -> Iterator[Reached]:
+    """The devices at --port that handctl commands are using without our lock: those of another user, or with other folders.
+
+    Those whose command line does not tell the device, as a batch, are added to `unknown` by their number. The holder of our lock has
+    said what it has stopped, and ends.
+    """
+    from handctl.link.port_users import handctl_commands, has_open, option_in
 
     link = run.settings.port or ""
     if link.startswith(OURS):
@@ -200,6 +216,10 @@ def _used_by_others(run: Run) -> Iterator[Reached]:
             number = option_in(words, "", "--id")
             run.journal.info("others", f"handctl {family} (pid {pid}) is using {link}, too")
             yield Reached(family, {"id": int(number)} if number.isdecimal() and number != "1" else {})
+        elif has_open(pid, is_there, hidden=True) and not any(
+            one.code in ("asked", "ended") for one in run.journal.messages
+        ):
+            unknown.append(pid)
 
 
 def family_at(run: Run) -> str:

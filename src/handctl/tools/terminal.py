@@ -7,7 +7,7 @@ everything is asked for that is not a whole request to read. Bytes of an incompl
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -134,6 +134,7 @@ class Conversation:
         self.told: list[TranscriptRow] = []
         self._last: float | None = None
         self._checking = False
+        self._guarded: set[tuple[str, int]] = set()
         self._moved = b""  # what was sent since the first line that moves something
         self._stack = ExitStack()
         self.link: Link = run.open_link()
@@ -190,9 +191,12 @@ class Conversation:
         if run.end is not None and link.now() >= run.end:
             text = f"{link.name}: --deadline has passed. {step.wire} was not sent"
             raise NoAnswer(text, hint="give a longer --deadline", code="deadline")
-        if step.moves and not run.journal.drives:
+        run.ledger.meant.update(dict.fromkeys(self._addressed(typed)))
+        if step.moves and not (run.journal.drives and self._guarded.issuperset(run.ledger.meant)):
+            guarded = device.guarded() if run.journal.drives else device.driven(run.prompts, what="in the terminal: ")
             device.will_move()  # a batch or a shell remembers it behind the end of the terminal
-            self._stack.enter_context(device.driven(run.prompts, what="in the terminal: "))
+            self._stack.enter_context(guarded)
+            self._guarded = set(run.ledger.meant)
         run.journal.counters.sent += 1
         run.journal.counters.writes += typed.writes
         deadline = link.deadline(WRITE_SECONDS)
@@ -201,6 +205,11 @@ class Conversation:
         else:
             link.write(step.data, deadline)  # type: ignore[attr-defined]
         self._moved += step.data if run.journal.drives else b""
+
+    def _addressed(self, typed: Typed) -> Collection[tuple[str, int]]:
+        """Family and id of what a line moves. An earlier one may have begun its frame."""
+        words = self._run.ledger.words
+        return words.addressed(typed.whole, typed.step.can_id) if words is not None and typed.step.moves else ()
 
     def hear(self) -> None:
         """Until nothing has come for the wait; longer while a reply is missing. Raises LinkError."""

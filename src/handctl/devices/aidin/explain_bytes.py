@@ -19,7 +19,7 @@ from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, MODES,
 from handctl.errors import ProtocolError
 from handctl.fast_classes import replace
 from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Part, Value, stray
-from handctl.model.write_ledger import Frame
+from handctl.model.write_ledger import Addressee, Frame
 from handctl.wording import plural
 
 KEYS = {param.key: param for param in AIDIN}
@@ -199,6 +199,10 @@ class AidinWriteRules:
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteRules: the terminator is no part of the command."""
         return data.rstrip(BLANKS) if MODE.search(data) else None
+
+    def addressed(self, data: bytes, can_id: int | None) -> Sequence[Addressee]:
+        """See WriteRules."""
+        return ()
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""

@@ -73,7 +73,7 @@ from handctl.model.explainer import (
     stray,
 )
 from handctl.model.param import Number
-from handctl.model.write_ledger import Frame
+from handctl.model.write_ledger import Addressee, Frame
 from handctl.wording import plural
 
 MOST_KNOWN = 1024
@@ -1064,6 +1064,10 @@ class BarrettWriteRules:
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteRules."""
         return None if _asks(data) else data
+
+    def addressed(self, data: bytes, can_id: int | None) -> Sequence[Addressee]:
+        """See WriteRules."""
+        return ()
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""

@@ -49,12 +49,12 @@ def wait_for_calibration(
                         hint="treat the hand as still calibrating",
                     )
                     continue
-                bus.journal.ledger.unstoppable(0.0)
+                bus.journal.ledger.unstoppable(None, 0.0)
                 return frame
     finally:
         prompts.done()
     if bus.link.now() >= end:
-        bus.journal.ledger.unstoppable(0.0)
+        bus.journal.ledger.unstoppable(None, 0.0)
     return early
 
 

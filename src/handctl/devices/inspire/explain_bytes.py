@@ -42,6 +42,7 @@ from handctl.model.explainer import (
     stray,
 )
 from handctl.model.param import Element, Number, ParamMap
+from handctl.model.write_ledger import Addressee
 from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
 
@@ -960,6 +961,8 @@ class InspireWriteRules:
     def __init__(self, shown: InspireExplainer) -> None:
         self._shown = shown
         self._can: dict[int, bytes] = {}
+        self._begun = b""
+        """Of a frame that what is sent next may complete."""
         self._save = ""
         """Key of a save, whose acknowledgement tells only that its result will come."""
 
@@ -972,7 +975,11 @@ class InspireWriteRules:
                 continue
             calibrates = piece.fields.get("address") == self._shown.places["calibrate"]
             lasts = CALIBRATION_SECONDS if calibrates else 0.0
-            found.append(Written(piece.raw, piece.asks or None, same, can_id=can_id, lasts=lasts))
+            names = piece.fields.get("address") == self._shown.places["id"]
+            new = next((int(one.value or 0) for one in piece.values if one.name == "id"), 0) if names else 0
+            self._begun = b"" if piece.frame else (self._begun + piece.raw)[-LARGEST:]
+            to = next(iter(self.addressed(self._begun or piece.raw, can_id)), None)
+            found.append(Written(piece.raw, piece.asks or None, same, can_id=can_id, lasts=lasts, to=to, new_id=new))
             if can_id is not None:
                 self._can[can_id] = data
             elif piece.fields.get("address") == self._shown.places["save"] and "flag" in piece.fields:
@@ -1004,6 +1011,23 @@ class InspireWriteRules:
             return None if modbus_frames.only_reads(pdu) else (mode, pdu)
         reads = data[:2] == eb90.HOST and len(data) == 9 and data[3] == 4 and data[4] in (eb90.READ, eb90.WRIST_READ)
         return None if reads or eb90.only_reads(data) else data
+
+    def addressed(self, data: bytes, can_id: int | None) -> list[Addressee]:
+        """See WriteRules. A wrist module passes on what is for the hand that is attached to it."""
+        if can_id is not None:
+            access = can_frames.parse_identifier(can_id)
+            return [(self._kind(access.flag, can_frames.WRITE_WRIST), access.hand_id)]
+        if mode := mode_of(data):
+            return [(self._shown.params.kind, data[modbus_frames.MBAP - 1 if mode == TCP else 0])]
+        found, at = [], data.find(eb90.HOST)
+        while 0 <= at < len(data) - 4:
+            found.append((self._kind(data[at + 4], eb90.WRIST_WRITE), data[at + 2]))
+            at = data.find(eb90.HOST, at + data[at + 3] + eb90.OVERHEAD)
+        return found
+
+    def _kind(self, flag: int, of_wrist: int) -> str:
+        """Whose write this is."""
+        return "exo" if self._shown.is_exo else "wrist" if flag == of_wrist else "hand"
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""
