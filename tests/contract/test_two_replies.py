@@ -167,8 +167,8 @@ def test_every_verb_says_so(kind: str, words: tuple[str, ...], tmp_path: Path) -
     assert (result.code, codes.count("two-replies")) == (6 if seen and words[0] == "set" else 0, seen), result
 
 
-@pytest.mark.parametrize("wire", ["serial", "rtu", "tcp", "can"])
-@pytest.mark.parametrize("apart", [0.0, 0.004])
+@each_row("wire", ["serial", "rtu", "tcp", "can"])
+@each_row("apart", [0.0, 0.004])
 def test_a_write_that_two_would_obey_is_neither_asked_about_nor_sent(wire: str, apart: float) -> None:
     """Once the command has written, what follows may be what ends that."""
     for other, written, refused in ((300, 0, True), (300, 1, False), (100, 0, False)):
