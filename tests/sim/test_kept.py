@@ -212,7 +212,7 @@ def test_forget_may_be_said_twice() -> None:
 
 
 def test_one_command_at_a_time_acts_on_it() -> None:
-    held = device_lock.hold("fake://exo", "handctl exo set", family="exo", writes=True, kept=True)
+    held = device_lock.hold("fake://exo", "handctl exo set", family="exo", use="writes", kept=True)
     assert held is not None
     try:
         second = run("exo", "set", "position_set.index=300", "--fake", "--yes", "--json")
