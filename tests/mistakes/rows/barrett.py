@@ -726,7 +726,7 @@ ROWS = (
         "evidence believed",
         "handctl.devices.barrett.firmware.download",
         "Loader._await_monitor",
-        'if not chunk[place + 1 :].strip(b"\\0\\r\\n"):',
+        'if not chunk[place + 1 :].strip(READY + b"\\0\\r\\n"):',
         "if chunk:",
         "tests/barrett/test_firmware.py::test_a_colon_with_the_banner_behind_it_is_no_invitation",
     ),

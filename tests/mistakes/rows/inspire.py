@@ -393,8 +393,8 @@ ROWS = (
         "evidence believed",
         "handctl.devices.inspire.register_device",
         "BlockReader._group",
-        "if memory.blocks and self._lacks(span, memory, failed, len(group.span)):",
-        "if memory.blocks:",
+        "if whole and memory.blocks and self._lacks(span, memory, failed, len(group.span)):",
+        "if whole and memory.blocks:",
         "tests/inspire/test_blocks.py::test_a_group_that_is_silent_while_all_are_is_not_called_missing",
     ),
     mistake(
@@ -716,8 +716,8 @@ ROWS = (
         "evidence believed",
         "handctl.devices.inspire.id_baud_save_reset",
         "_write_id",
-        "if probe(bus, new):",
-        "if bus:",
+        "if not probe(bus, new):",
+        "if not bus:",
         "tests/inspire/test_exo_procedures.py::test_lost_id_change_is_told_and_not_repeated",
     ),
     mistake(
