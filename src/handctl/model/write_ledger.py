@@ -278,11 +278,11 @@ class Ledger:
             self._asked.add(frame.same)
         elif frame.unasked and frame.same not in self._asked:
             return
+        # Of one that no plan has it is not known whether it moves.
+        moves = self.drives or (planned.moves if planned is not None else frame.same not in self._asked)
         if self._repeats:
             self.halted.add(frame.to)
-        elif (
-            self.drives or (planned.moves if planned is not None else frame.same not in self._asked)
-        ) and frame.to not in self.going:  # of one that no plan has it is not known whether it moves
+        elif moves and frame.to not in self.going:
             self.going.append(frame.to)
             self.moving(frame.to, True)
         last = self._writes[-1] if self._writes else None
