@@ -158,7 +158,10 @@ def ask(hand: BarrettHand, text: str, prompts: Prompts) -> Answer:
     """
     if kind_of(text) != "speed":
         with hand.stopped_by_error(hand.abort, prompts, "The hand"):
-            return hand.line.ask(text)
+            answer = hand.line.ask(text)
+            if KINDS[kind_of(text)].moves:
+                hand.line.check_ended(text)
+            return answer
     hand.line.connect()
     before = hand.line.link.baud
     try:
