@@ -459,6 +459,18 @@ def test_a_port_in_use_by_another_user_gets_no_stop_of_other_families(
     assert result.code == 4 and "03" not in [row["bytes"] for row in result.rows] and bench.asked == []
 
 
+def test_who_uses_the_port_and_was_asked_already_acknowledges_nothing(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The holder is among the commands at the port: what nobody has acknowledged is no success."""
+    bench.there = "exo?fault=silent&"
+    for kind in ("exo", "wrist"):
+        step = {"step": 1, "bytes": "00", "meaning": "", "reads": kind == "wrist", "times": 1, "answer": None}
+        held(monkeypatch, kind, (kind, 1), rows=[step], text="sent, but no reply arrived", error="NoAnswer")
+        monkeypatch.setattr(port_users, "handctl_commands", lambda *_, kind=kind: iter([(77, [kind, "watch"])]))
+        assert run("stop", "-p", PORT, "--json").code == 4, kind
+
+
 # -- names -------------------------------------------------------------------------------------------------------------
 
 
