@@ -357,16 +357,15 @@ class Device(ABC):
         self,
         *,
         heartbeat: float = 0.0,
-        powered: bool = False,
         sequence: Callable[[StopContext], StopSequence] | None = None,
     ) -> AbstractContextManager[Guard]:
         """While this is active, the death of this process stops the device by the same plan, or by `sequence`. Raises LinkError.
 
-        `heartbeat` as in `link.deadman`, `powered` as in `StopContext`.
+        `heartbeat` as in `link.deadman`.
         """
         from handctl.link.deadman import guard_link
 
-        stop = StopPlan(self.kind, self.stop_context()._replace(powered=powered), sequence)
+        stop = StopPlan(self.kind, self.stop_context(), sequence)
         return guard_link(self.link, stop, self.journal.warn, heartbeat=heartbeat)
 
     @contextmanager
@@ -379,10 +378,13 @@ class Device(ABC):
         what: str = "",
         who: str = "The device",
     ) -> Iterator[Guard]:
-        """Around a movement of `who`: Ctrl-C, an error and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
+        """Around a movement of `who`: Ctrl-C, an error and the death of this process stop it. Raises Interrupted with `what` and the result of the stop.
+
+        `powered` as in `StopContext`, but not for the death of this process: nobody is told then which motors hold on.
+        """
         stop = partial(self.stop, powered=powered)
         with (
-            self.guarded(heartbeat=heartbeat, powered=powered) as guard,
+            self.guarded(heartbeat=heartbeat) as guard,
             stopped_by_ctrl_c(stop, prompts, what),
             self.stopped_by_error(stop, prompts, who),
         ):
