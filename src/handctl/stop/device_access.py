@@ -21,12 +21,12 @@ from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
     RECONNECT_SECONDS,
+    RunningStop,
     Sent,
     StopContext,
     Stopped,
     StopSequence,
     context_for_link,
-    run_stop,
     shown,
     stop_sequence_of,
     with_repeat_counts,
@@ -289,8 +289,8 @@ class DeviceAccess:
         """The stop of the command's device, and of what earlier commands of its session have left moving on the link."""
         run, link = self._run, self.link
         assert link is not None
-        own = partial(stopped_at, run, link, sent)
-        return own() if run.session is None else run.session.stop_all(run, link, sent, own)
+        own = partial(begun_at, run, link, sent)
+        return own().finish() if run.session is None else run.session.stop_all(run, link, sent, own)
 
     def unstoppable(self, seconds: float) -> None:
         """Note that something has begun that no command stops, and may last so long; 0 = it is over."""
@@ -331,18 +331,20 @@ def context_at(run: Invocation, link: Link) -> StopContext:
     return run.opened.stop_context() if met else context_for_link(link, run.settings)
 
 
-def stopped_at(
+def begun_at(
     run: Invocation,
     link: Link,
     sent: list[Sent],
     sequence: Callable[[StopContext], StopSequence] | None = None,
     until: Deadline | None = None,
-) -> Stopped:
-    """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
+) -> RunningStop:
+    """The stop of the run's family over `link`, or another `sequence`, at the most `until` then; its steps are out. Never raises."""
     assert run.family is not None
     context = context_at(run, link)
     said = sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context)
-    return run_stop(link, said, sent, run.ledger if run.writes else None, until)
+    stop = RunningStop(link, said, sent, run.ledger if run.writes else None, until)
+    stop.begin()
+    return stop
 
 
 def report(

@@ -28,7 +28,7 @@ from handctl.model.stop_sequence import (
     stop_sequence_of,
     writes_without_replies,
 )
-from handctl.stop.device_access import DeviceAccess, lock_for, report, stopped_at
+from handctl.stop.device_access import DeviceAccess, begun_at, lock_for, report
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
@@ -386,7 +386,7 @@ def _from_here(
         sent.clear()
         end = None if bound is None else link.deadline(bound.remaining)
         with run.prompts.stopping():
-            stopped = stopped_at(run, link, sent, sequence, end)
+            stopped = begun_at(run, link, sent, sequence, end).finish()
             if (access := run.connection.device_access) is not None:
                 stopped = access.judged(stopped)
     expired = end is not None and end.expired
