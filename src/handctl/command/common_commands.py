@@ -283,8 +283,7 @@ def add_map_verbs(
         """
         from handctl.stop import stop_command
 
-        reached: set[tuple[str, int]] = set()
-        return stop_command.others_stopped(run, stop_command.stop(run, reached=reached), reached)
+        return stop_command.stop_with_others(run)
 
     @scan_options
     def scan(run: Run, ids: str | None, find_all: bool) -> Table:
