@@ -142,6 +142,36 @@ def test_each_gets_its_stop_before_one_of_them_is_checked(way: str, deaf: str, t
     assert set(forces_and_checks[:2]) == {EXO_1, EXO_2}, forces_and_checks
 
 
+def test_the_id_that_was_typed_comes_before_that_of_the_holder(tmp_path: Path) -> None:
+    """And an id that no frame can have holds up nothing."""
+    opened, told = Connection.opened, list[dict[str, Any]]()
+
+    def asked(connection: Connection, *args: Any, **more: Any) -> Any:
+        line = opened(connection, *args, **more)
+        if not told:
+            sent.clear()
+            assert connection.device_access is not None
+            told.append(connection.device_access.stop("asked", ["exo 1", "exo 999999"]))
+        return line
+
+    with noting() as sent, mock.patch.object(Connection, "opened", asked):
+        run(
+            "exo",
+            "position",
+            "900",
+            "900",
+            "900",
+            "900",
+            "900",
+            "-y",
+            "--id",
+            "2",
+            "-p",
+            f"fake://bus?file={bus(tmp_path)}&clock=virtual",
+        )
+    assert stops_in(sent) == [EXO_1, EXO_2] and told[0]["error"] == "" and ["exo", 1] not in told[0]["devices"]
+
+
 def test_ctrl_c_between_two_lines_ends_the_batch(tmp_path: Path) -> None:
     """Behind the result of a line it raises nothing, and the next line begins to count anew."""
     carried_out, begun = ScriptLine.run, list[str]()

@@ -238,7 +238,7 @@ class DeviceAccess:
 
                 if not is_meant(*self._reached(self._run).key, meant):
                     return self._left_to_other(who)
-            return self._stop(who)
+            return self._stop(who, meant)
 
     def _left_to_other(self, who: str) -> dict[str, Any]:
         """Who asked stops another device on this line: nothing is sent any more, and nothing was stopped here."""
@@ -257,8 +257,7 @@ class DeviceAccess:
             self._stop(who)
             return self.stopped
 
-    def _stop(self, who: str) -> dict[str, Any]:
-
+    def _stop(self, who: str, meant: Collection[str] = ()) -> dict[str, Any]:
         if self._run.prompts.unstoppable:
             return report(Stopped(self._run.prompts.unstoppable), (), refused=True)
         if self.link is None or self.stopped is not None:
@@ -266,6 +265,8 @@ class DeviceAccess:
         # A sleeping reader is waited for no longer, and must not cut this off.
         signals.alarm_is_over()
         self.note_stop()
+        first: list[Sent] = []
+        self._begin_typed(meant, first)
         sent: list[Sent] = []
         stopped = self._stopped_all(sent)
         if stopped.error is LinkError:
@@ -277,6 +278,7 @@ class DeviceAccess:
             self.moving(self._run, False)
         stopped = self.judged(stopped)
         self.link.block_sending()
+        sent = [*first, *sent]
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
@@ -284,6 +286,17 @@ class DeviceAccess:
         self._report = report(stopped, sent, self._run, self.link)
         self._report["devices"] += [list(key) for key in self._at_rest]
         return self._report
+
+    def _begin_typed(self, meant: Collection[str], sent: list[Sent]) -> None:
+        """The steps for the device whose id somebody has typed, before those for the command's own. Who asks stops it completely afterwards."""
+        run, link = self._run, self.link
+        assert link is not None and run.family is not None
+        own, ledger = self._reached(run).key, run.ledger if run.writes else None
+        for kind, _, number in (one.partition(" ") for one in sorted(meant)):
+            if kind == run.family.kind and number.isdecimal() and (kind, int(number)) != own:
+                context = context_for_link(link, run.settings._replace(id=int(number)))
+                with contextlib.suppress(ValueError, LookupError, OverflowError):  # of an id that no frame can have
+                    RunningStop(link, stop_sequence_of(kind, context), sent, ledger).begin()
 
     def _stopped_all(self, sent: list[Sent]) -> Stopped:
         """The stop of the command's device, and of what earlier commands of its session have left moving on the link."""
