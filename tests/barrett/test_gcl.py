@@ -272,7 +272,7 @@ def test_from_the_first_line_that_may_move_death_stops_the_hand(monkeypatch: pyt
     monkeypatch.setattr(BarrettHand, "guarded", guarded)
     monkeypatch.setattr(GclLine, "ask", noted)
     run("barrett", "gcl", *lines, "--keep-going", "-y", "-p", "fake://barrett?clock=virtual&initialized=1")
-    on = {"powered": True}
+    on: dict[str, object] = {}  # as `stop` does
     assert seen == ["FGET P", "FSET DP 5", on, "1C", "1O", "over", "PLOAD", "FGET P", on, "1M 50", "1FOO", "over"]
     seen.clear()
     run("barrett", "gcl", "FGET P", "FOO", "-p", "fake://barrett?clock=virtual")

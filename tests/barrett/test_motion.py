@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from handctl.cli import main
 from handctl.devices.barrett import motion
 from handctl.errors import CheckFailed, DeviceRefused, Interrupted, NoAnswer, ProtocolError, UsageError
+from handctl.link import Deadline
+from handctl.link.fake import FakeLink
 from handctl.model.prompts import Prompts
 from handctl.model.stop_on_interrupt import NOT_STOPPED
-from tests.barrett.support import ABORT, BARRETT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
+from tests.barrett.support import ABORT, BARRETT, PROMPT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.scripted import NotedGuide
@@ -318,6 +321,42 @@ def test_one_command_of_movement_and_a_word_while_it_runs() -> None:
     assert doing(link) == ["1M 1000"]
     assert link.commands[-1].startswith("1FGET SG P")
     assert "1M 1000" in prompts.shown[0]
+
+
+@pytest.mark.parametrize("words", [
+    ("move", "F1=9000", "F2=5000", "--expect", "any"), ("close", "--motors", "1", "--expect", "contact"),
+    ("torque-close", "--motors", "1"), ("gcl", "1M 9000", "2M 5000"),
+])  # fmt: skip
+def test_a_prompt_while_a_motor_turns_ends_no_movement(words: tuple[str, ...]) -> None:
+    """The hand answers nothing behind it: handctl stops it, says so in the record of writes, and moves nothing more."""
+    sent: list[bytes] = []
+    read, write = FakeLink.read, FakeLink.write
+
+    def too_early(link: FakeLink, deadline: Deadline, size: int = 4096) -> bytes:
+        data = read(link, deadline, size)
+        last = b"".join(sent[-1:])
+        return data + PROMPT if data and last[:2] in (b"1M", b"1C", b"1T") and data.endswith(last[-2:-1]) else data
+
+    def noted(link: FakeLink, data: bytes, deadline: Deadline) -> None:
+        sent.append(data)
+        write(link, data, deadline)
+
+    with mock.patch.object(FakeLink, "read", too_early), mock.patch.object(FakeLink, "write", noted):
+        result = run("barrett", *words, "--json", "-p", "fake://barrett?clock=virtual&initialized=1")
+    assert (result.code, result.error["code"]) == (5, "false-prompt")
+    assert b"2M 5000\r" not in sent
+    assert [(row["bytes"], row["state"]) for row in result.json["writes"] if row["state"] != "not-sent"][1:] == [
+        ("03", "confirmed")
+    ]
+
+
+def test_motors_that_are_not_seen_standing_have_reached_nothing() -> None:
+    hand, link = scripted(
+        {"*": "0", "1M 900": "", "FGET P": [f"{place} 0 0 0" for place in (300, 400, 500, 600)], "T": ""}
+    )
+    with pytest.raises(ProtocolError) as caught:
+        motion.move(hand, "1", "M", 900, Prompts())
+    assert caught.value.code == "moving" and ABORT in link.sent[link.sent.index(b"1M 900\r") :]
 
 
 def test_a_slow_movement_is_waited_for() -> None:

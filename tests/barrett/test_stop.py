@@ -8,13 +8,15 @@ from itertools import combinations
 import pytest
 
 from handctl.devices.barrett import state_files
+from handctl.devices.barrett.gcl.passthrough import DeathGuard
 from handctl.devices.barrett.parameter_map import SPEEDS
-from handctl.devices.barrett.stopper import power_off
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, power_off
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.command_settings import Settings
+from handctl.model.prompts import Prompts
 from handctl.model.stop_sequence import SILENCE, StopContext, Stopped, exchange_steps, writes_without_replies
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
-from tests.barrett.support import gcl
+from tests.barrett.support import ABORT, gcl, scripted
 from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
@@ -206,3 +208,19 @@ def test_a_prompt_is_not_told_as_none(pieces: bytes) -> None:
     stopped = exchange_steps(link, power_off(context), [])
     assert stopped.error is (ProtocolError if pieces else NoAnswer)
     assert ("A prompt came" in stopped.text) == (b"=>" in pieces) and "instead of a prompt" not in stopped.text
+
+
+def test_the_death_of_a_command_takes_the_power_off_whatever_holds() -> None:
+    """Ctrl-C says which motors HOLD keeps powered; here nobody is left to be told (safety(7))."""
+    hand, link = scripted({"*": "1", "T": ""})
+    gcl = DeathGuard(hand)
+    gcl.before("C")
+    assert link.guard is not None
+    plans = link.guard.stops
+    with hand.driven(Prompts(), powered=CTRL_C_KEEPS_POWER) as guard:
+        plans += guard.stops
+    for plan in plans:
+        link.sent.clear()
+        plan(link)
+        assert link.sent[:2] == [ABORT, b"T\r"]
+    assert len(plans) == 2

@@ -6,7 +6,9 @@ from collections.abc import Hashable, Iterable, Sequence
 
 import pytest
 
+from handctl.command.family import load
 from handctl.devices.barrett.explain_bytes import words
+from handctl.devices.inspire import modbus_frames
 from handctl.link import open_link
 from handctl.link.transcript import observed
 from handctl.model.command_settings import Settings
@@ -192,6 +194,22 @@ def test_a_second_stop_is_planned_on_no_link_that_sends_nothing_more() -> None:
     with pytest.raises(KeyboardInterrupt):
         run_stop(link, stop_sequence_of("barrett", context), ledger=found)
     assert found.rows() == before and [row["state"] for row in before] == ["confirmed"] * 2
+
+
+def test_the_same_write_to_another_device_is_another_step() -> None:
+    """In one stop; sent again to the same one it is counted, whatever running number it has on Modbus TCP."""
+    pdu = modbus_frames.write_request(1522, bytes(12))
+    for first, second, steps in (
+        (modbus_frames.rtu(1, pdu), modbus_frames.rtu(2, pdu), 2),
+        (modbus_frames.rtu(2, pdu), modbus_frames.rtu(2, pdu), 1),
+        (modbus_frames.tcp(1, pdu), modbus_frames.tcp(2, pdu), 1),
+    ):
+        found = Ledger()
+        found.words = load("hand", "write_rules").words()
+        with found.stopping():
+            found.passed(0.0, ">", first, None)
+            found.passed(0.0, ">", second, None)
+        assert [row["bytes"] for row in found.rows()] == [first.hex(" ").upper(), second.hex(" ").upper()][:steps]
 
 
 def test_a_plan_told_twice_is_one_plan() -> None:

@@ -24,7 +24,7 @@ from handctl import interrupts
 from handctl.command.command_lines import ScriptLine
 from handctl.command.connection import Connection, Session
 from handctl.errors import STOPPED, Interrupted, LinkError, UsageError
-from handctl.link import deadman, port_users
+from handctl.link import deadman, open_link, port_users
 from handctl.link.fake import FakeLink
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, StopPlan
@@ -107,6 +107,74 @@ def test_ctrl_c_stops_each_device_that_a_line_has_left_moving(
         with mock.patch.object(FakeLink, "sleep", pressed):
             result = run("batch", "-p", f"fake://bus?file={bus(tmp_path)}&clock=virtual", "--json", stdin=script)
     assert (result.code, set(stops_in(sent))) == (code, stops), result
+
+
+@each_row(
+    ("way", "deaf"),
+    [("guard", ""), ("guard", EXO_2), ("ctrl-c", ""), ("ctrl-c", EXO_1), ("asked", ""), ("asked", EXO_2)],
+)
+def test_each_gets_its_stop_before_one_of_them_is_checked(way: str, deaf: str, tmp_path: Path) -> None:
+    """Who is silent has one short try until then."""
+    link = f"fake://bus?file={bus(tmp_path)}&clock=virtual"
+    pressed, time_passes, opened, access = list[bool](), FakeLink.sleep, Connection.opened, list[DeviceAccess]()
+
+    def interrupted(line: FakeLink, seconds: float) -> None:
+        if seconds == 30 and not pressed:
+            pressed.append(True)
+            sent.clear()
+            if way == "asked":
+                access[-1].stop("asked")
+            raise KeyboardInterrupt
+        time_passes(line, seconds)
+
+    def kept(connection: Connection, *args: Any, **more: Any) -> Any:
+        line = opened(connection, *args, **more)
+        assert connection.device_access is not None
+        access.append(connection.device_access)
+        return line
+
+    with (
+        noting(deaf) as sent,
+        mock.patch.object(FakeLink, "sleep", interrupted),
+        mock.patch.object(Connection, "opened", kept),
+    ):
+        if way == "guard":
+            plans = [StopPlan("exo", StopContext(Settings(id=number), speed=115200)) for number in (2, 1)]
+            deadman._stop_each(plans, open_link(link))
+        else:
+            run("batch", "-p", link, "--json", stdin=f"{GO} 1\n{GO} 2\nsleep 30")
+    forces_and_checks = [data.hex()[:10] for data in sent if data[4] in (0x31, 0x11)]
+    assert set(forces_and_checks[:2]) == {EXO_1, EXO_2}, forces_and_checks
+
+
+def test_the_id_that_was_typed_comes_before_that_of_the_holder(tmp_path: Path) -> None:
+    """And an id that no frame can have holds up nothing."""
+    opened, told = Connection.opened, list[dict[str, Any]]()
+
+    def asked(connection: Connection, *args: Any, **more: Any) -> Any:
+        line = opened(connection, *args, **more)
+        if not told:
+            sent.clear()
+            assert connection.device_access is not None
+            told.append(connection.device_access.stop("asked", ["exo 1", "exo 999999"]))
+        return line
+
+    with noting() as sent, mock.patch.object(Connection, "opened", asked):
+        run(
+            "exo",
+            "position",
+            "900",
+            "900",
+            "900",
+            "900",
+            "900",
+            "-y",
+            "--id",
+            "2",
+            "-p",
+            f"fake://bus?file={bus(tmp_path)}&clock=virtual",
+        )
+    assert stops_in(sent) == [EXO_1, EXO_2] and told[0]["error"] == "" and ["exo", 1] not in told[0]["devices"]
 
 
 def test_ctrl_c_between_two_lines_ends_the_batch(tmp_path: Path) -> None:

@@ -138,6 +138,29 @@ def test_each_that_moves_is_stopped_the_last_one_first(
     assert [row["step"] for row in result.rows] == list(range(1, len(result.rows) + 1))
 
 
+@each_row("words, missing", [(("stop",), 0), (("stop",), 2), (("exo", "stop"), 0), (("exo", "stop"), 1)])
+def test_each_gets_its_stop_before_one_of_them_is_checked(
+    words: tuple[str, ...], missing: int, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Who is silent has one short try until then."""
+    there = {"d1": "exo?", "d2": "exo?id=2&", "d3": "exo?id=3&"}
+    on_line(bench, monkeypatch, **there)
+    for number in ("1", "3", "2"):
+        assert run(*EXO, "--id", number, "-p", PORT).code == 0
+    on_line(bench, monkeypatch, **{key: what for key, what in there.items() if key != f"d{missing}"})
+    sent, write = list[bytes](), Line.write
+
+    def noted(line: Line, data: bytes, deadline: Deadline) -> None:
+        sent.append(data)
+        write(line, data, deadline)
+
+    monkeypatch.setattr(Line, "write", noted)
+    result = run(*words, "-p", PORT, "--json")
+    forces_and_checks = [(data[4], data[2]) for data in sent if data[4] in (0x31, 0x11)]
+    assert sorted(forces_and_checks[:3]) == [(0x31, 1), (0x31, 2), (0x31, 3)], forces_and_checks
+    assert result.code == (4 if missing else 0) and set(stopped_ids(result)) == {1, 2, 3}
+
+
 def test_an_id_that_is_typed_is_the_only_one(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
     for number in ("1", "2"):
@@ -566,6 +589,18 @@ def test_a_port_in_use_by_another_user_gets_no_stop_of_other_families(
     bench.there = "exo?fault=silent&"
     result = run("stop", "-p", PORT, "--json")
     assert result.code == 4 and "03" not in [row["bytes"] for row in result.rows] and bench.asked == []
+
+
+def test_who_uses_the_port_and_was_asked_already_acknowledges_nothing(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The holder is among the commands at the port: what nobody has acknowledged is no success."""
+    bench.there = "exo?fault=silent&"
+    for kind in ("exo", "wrist"):
+        step = {"step": 1, "bytes": "00", "meaning": "", "reads": kind == "wrist", "times": 1, "answer": None}
+        held(monkeypatch, kind, (kind, 1), rows=[step], text="sent, but no reply arrived", error="NoAnswer")
+        monkeypatch.setattr(port_users, "handctl_commands", lambda *_, kind=kind: iter([(77, [kind, "watch"])]))
+        assert run("stop", "-p", PORT, "--json").code == 4, kind
 
 
 # -- names -------------------------------------------------------------------------------------------------------------

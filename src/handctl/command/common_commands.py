@@ -283,8 +283,7 @@ def add_map_verbs(
         """
         from handctl.stop import stop_command
 
-        reached: set[tuple[str, int]] = set()
-        table = stop_command.others_stopped(run, stop_command.stop(run, reached=reached), reached)
+        table = stop_command.stop_with_others(run)
         stop_command.tell_gone(run)
         return table
 

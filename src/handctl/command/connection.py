@@ -6,8 +6,8 @@ device a later command uses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from contextlib import ExitStack
+from collections.abc import Callable, Hashable, Iterator
+from contextlib import ExitStack, contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from handctl.link.transcript import TraceFile
     from handctl.model.prompts import Prompts
     from handctl.model.result import Journal, LineQuality
-    from handctl.model.stop_sequence import Sent, Stopped, StopPlan
+    from handctl.model.stop_sequence import RunningStop, Sent, Stopped, StopPlan
     from handctl.stop.device_access import DeviceAccess
 
 
@@ -201,21 +201,36 @@ class Mover(NamedTuple):
         """Family and id, for messages."""
         return _named(self.run, *self.plan.device)
 
-    def stop(self, link: Link, sent: list[Sent] | None = None) -> Stopped:
-        """Stop it over its link, as that is now. Never raises."""
+    def begin(self, link: Link, sent: list[Sent] | None = None) -> Callable[[], Stopped]:
+        """Begin its stop over its link, as that is now, see `RunningStop`; what finishes it. Neither raises."""
+        from handctl.model.stop_sequence import RunningStop, Stopped
+
+        ledger = self.run.ledger
+        stop = RunningStop(link, self.plan.sequence(), sent, ledger if ledger.words is not None else None)
+
+        def over(part: Callable[[], Any]) -> Any:
+            try:
+                with self._alone(link):
+                    return part()
+            except HandctlError as exc:
+                return Stopped(exc.text, exc.hint, type(exc))
+
+        over(stop.begin)
+        return partial(over, stop.finish)
+
+    @contextmanager
+    def _alone(self, link: Link) -> Iterator[None]:
+        """At its baud rate, and nothing of it in the record of another command. Raises LinkError."""
         from handctl.link.transcript import observed
-        from handctl.model.stop_sequence import Stopped, run_stop
 
         ledger, observers = self.run.ledger, link.observers
-        link.observers = tuple(one for one in observers if not isinstance(one, type(ledger)))  # of another command
+        link.observers = tuple(one for one in observers if not isinstance(one, type(ledger)))
         speed, before = self.plan.context.speed, getattr(link, "baud", None)
         try:
             if speed is not None and speed != before:
                 link.set_baud(speed)  # type: ignore[attr-defined]  # a speed is that of a byte link
             observed(link, ledger)
-            return run_stop(link, self.plan.sequence(), sent, ledger if ledger.words is not None else None)
-        except HandctlError as exc:
-            return Stopped(exc.text, exc.hint, type(exc))
+            yield
         finally:
             link.observers = observers
             if speed is not None and speed != before:
@@ -363,11 +378,17 @@ class Session:
         moving = list(self.in_motion)
         with prompts.stopping():
             prompts.done()
+            written = [len(mover.run.ledger.rows()) for mover in moving]
+            begun = []
             for mover in moving:
-                before = len(mover.run.ledger.rows())
+                try:
+                    begun.append(self._begin(mover))
+                except KeyboardInterrupt:
+                    begun.append(lambda: INTERRUPTED_AGAIN)
+            for mover, before, finish in zip(moving, written, begun, strict=True):
                 several = sum(other.link == mover.link for other in moving) > 1
                 try:
-                    stopped = self._stop(mover)
+                    stopped = finish()
                 except KeyboardInterrupt:
                     stopped = INTERRUPTED_AGAIN
                 ended.append(
@@ -378,8 +399,9 @@ class Session:
                 write_history.keep(mover.run, mover.run.ledger.rows()[before:], [], ended[-1])
         return ended
 
-    def _stop(self, mover: Mover) -> Stopped:
-        """Stop it over the open link of its device, or where there is none, or nothing goes out any more, over a new one."""
+    def _begin(self, mover: Mover) -> Callable[[], Stopped]:
+        """Begin its stop over the open link of its device, or where there is none, or nothing goes out any more, over a new one; what
+        finishes it."""
         from handctl.model.stop_sequence import Stopped
 
         known = self._open_at(mover.link)
@@ -390,10 +412,11 @@ class Session:
             known = known or self._opened_for(mover)
         except HandctlError as exc:
             kind = NoAnswer if isinstance(exc, Interrupted) else type(exc)
-            return Stopped(exc.text, joined("switch the power off if the device is still moving", exc.hint), kind)
+            lost = Stopped(exc.text, joined("switch the power off if the device is still moving", exc.hint), kind)
+            return lambda: lost
         assert known.link is not None
-        stopped = mover.stop(known.link)
-        return known.device_access.judged(stopped, [mover.plan.device]) if known.device_access is not None else stopped
+        finish, access, device = mover.begin(known.link), known.device_access, mover.plan.device
+        return lambda: access.judged(finish(), [device]) if access is not None else finish()
 
     def _open_at(self, name: str) -> Connection | None:
         return next((one for one in self._open.values() if one.name == name and one.link is not None), None)
@@ -411,21 +434,22 @@ class Session:
             if self._open_at(mover.link) is None:
                 self._opened_for(mover)
 
-    def stop_all(self, run: Invocation, link: Link, sent: list[Sent], own: Callable[[], Stopped]) -> Stopped:
-        """Stop what is in motion on the link of this run, and its own device by `own`: first that if it is what moves."""
+    def stop_all(self, run: Invocation, link: Link, sent: list[Sent], own: Callable[[], RunningStop]) -> Stopped:
+        """Stop what is in motion on the link of this run, and its own device by `own`, which begins that: first that if it is what
+        moves. Each is begun before the first one is checked."""
         name, device = run.link_name(), _device(run)
         if (known := self._open_at(name)) is not None:
             self._rename(known, run)
         others = [mover for mover in self._moving_on(name) if mover.plan.device != device]
-        stops: list[tuple[object, str, Callable[[], Stopped]]] = [
-            (mover.plan.device, mover.name, partial(mover.stop, link, sent)) for mover in others
+        stops: list[tuple[object, str, Callable[[], Callable[[], Stopped]]]] = [
+            (mover.plan.device, mover.name, partial(mover.begin, link, sent)) for mover in others
         ]
         from handctl.model.stop_sequence import joined_stops
 
-        stops.insert(0 if run.journal.drives else len(stops), (device, _named(run, *device), own))
+        stops.insert(0 if run.journal.drives else len(stops), (device, _named(run, *device), lambda: own().finish))
         ended = []
-        for which, called, stop in stops:
-            stopped = stop()
+        for which, called, finish in [(which, called, begin()) for which, called, begin in stops]:
+            stopped = finish()
             if stopped.error is None:
                 self._forget(name, which, guarded=True)
             ended.append(stopped._replace(text=f"{called}: {stopped.text}") if others else stopped)

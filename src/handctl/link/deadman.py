@@ -246,9 +246,15 @@ def _stop_and_close(raw_access: RawAccess, stop: Stop, message: bytes) -> None:
 
 
 def _stop_each(stops: Sequence[Stop], link: Link) -> None:
+    """Each is begun before the first one is checked, where it says how: `begun`, which returns what is left of it."""
+    left: list[Callable[[], object]] = []
     for stop in stops:
         with suppress(Exception):
-            stop(link)
+            begun = getattr(stop, "begun", None)
+            left.append(begun(link).finish if begun is not None else partial(stop, link))
+    for finish in left:
+        with suppress(Exception):
+            finish()
 
 
 def stop_in_child(raw_access: RawAccess, stop: Stop, message: bytes) -> None:

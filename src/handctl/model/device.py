@@ -369,18 +369,17 @@ class Device(ABC):
         self,
         *,
         heartbeat: float = 0.0,
-        powered: bool = False,
         sequence: Callable[[StopContext], StopSequence] | None = None,
     ) -> Iterator[Guard]:
         """While this is active, the death of this process stops the device by the same plan, or by `sequence`, and whatever else on its
         line the command has said that it moves. Raises LinkError.
 
-        `heartbeat` as in `link.deadman`, `powered` as in `StopContext`.
+        `heartbeat` as in `link.deadman`.
         """
         from handctl.link.deadman import guard_link
 
         own, *others = self.stop_plans(None, *self.journal.ledger.meant)
-        own = StopPlan(self.kind, own.context._replace(powered=powered), sequence)
+        own = StopPlan(self.kind, own.context, sequence)
         with ExitStack() as stack:
             for stop in (own, *others):
                 guard = stack.enter_context(guard_link(self.link, stop, self.journal.warn, heartbeat=heartbeat))
@@ -396,10 +395,13 @@ class Device(ABC):
         what: str = "",
         who: str = "The device",
     ) -> Iterator[Guard]:
-        """Around a movement of `who`: Ctrl-C, an error and the death of this process stop it. Raises Interrupted with `what` and the result of the stop."""
+        """Around a movement of `who`: Ctrl-C, an error and the death of this process stop it. Raises Interrupted with `what` and the result of the stop.
+
+        `powered` as in `StopContext`, but not for the death of this process: nobody is told then which motors hold on.
+        """
         stop = partial(self.stop, powered=powered)
         with (
-            self.guarded(heartbeat=heartbeat, powered=powered) as guard,
+            self.guarded(heartbeat=heartbeat) as guard,
             stopped_by_ctrl_c(stop, prompts, what),
             self.stopped_by_error(stop, prompts, who),
         ):

@@ -37,6 +37,8 @@ SILENCE = 0.3
 """Seconds without sending before a stopped device is checked again, and between two readings of its position.
 
 By then another master has sent something, and what still moves has gone farther than a reading changes at rest."""
+ONE_TRY = 0.1
+"""Seconds without an answer after which another device on the link has its turn."""
 LOOKS = 3
 """Times that a stop looks, over `SILENCE` each: what brakes must stand still in one of them."""
 MOST = 65536
@@ -202,6 +204,12 @@ class StopPlan:
         """Its steps."""
         return stop_sequence_of(self.device[0], self.context) if self._given is None else self._given(self.context)
 
+    def begun(self, link: Link) -> StopExchange:
+        """Its steps; what is left of it is still to be finished. Raises LinkError."""
+        exchange = StopExchange(link, self.sequence(), [])
+        exchange.begin()
+        return exchange
+
     def __call__(self, link: Link) -> Stopped:
         return exchange_steps(link, self.sequence(), [])
 
@@ -236,22 +244,57 @@ def run_stop(
 
     `until` bounds it; the first step that changes something is sent anyway.
     """
-    sent = [] if sent is None else sent
+    return RunningStop(link, sequence, sent, ledger, until).finish()
 
-    def plan(step: Step) -> None:
-        if ledger is not None:
-            ledger.plan([step])
 
-    try:
-        with ledger.stopping() if ledger is not None else nullcontext():
-            stopped = exchange_steps(link, sequence, sent, plan, until)
-    except HandctlError as exc:
-        return Stopped(exc.text, joined("switch the power off if the device is still moving", exc.hint), type(exc))
-    if ledger is not None and stopped.error is None:
-        ledger.stopped()
-    if ledger is not None and stopped.evidence:
-        ledger.confirm(stopped.evidence, *(one.step for one in sent if not one.reads))
-    return stopped
+class RunningStop:
+    """A stop over an open link, see `run_stop`. Of several devices each is begun before the first one is finished.
+
+    sent   what went out, and what came
+    """
+
+    def __init__(
+        self,
+        link: Link,
+        sequence: StopSequence,
+        sent: list[Sent] | None = None,
+        ledger: Ledger | None = None,
+        until: Deadline | None = None,
+    ) -> None:
+        self.sent: list[Sent] = [] if sent is None else sent
+        self._ledger = ledger
+
+        def plan(step: Step) -> None:
+            if ledger is not None:
+                ledger.plan([step])
+
+        self._exchange = StopExchange(link, sequence, self.sent, plan, until)
+        self._lost: Stopped | None = None
+
+    def begin(self) -> None:
+        """Send its steps, see `StopExchange.begin`. Never raises."""
+        self._done(self._exchange.begin)
+
+    def finish(self) -> Stopped:
+        """Send what is left of it, and check the device. Never raises."""
+        stopped = self._lost or self._done(self._exchange.finish)
+        if self._lost is not None:
+            return self._lost
+        assert stopped is not None
+        if self._ledger is not None and stopped.error is None:
+            self._ledger.stopped()
+        if self._ledger is not None and stopped.evidence:
+            self._ledger.confirm(stopped.evidence, *(one.step for one in self.sent if not one.reads))
+        return stopped
+
+    def _done(self, part: Callable[[], Stopped | None]) -> Stopped | None:
+        try:
+            with self._ledger.stopping() if self._ledger is not None else nullcontext():
+                return part()
+        except HandctlError as exc:
+            hint = joined("switch the power off if the device is still moving", exc.hint)
+            self._lost = Stopped(exc.text, hint, type(exc))
+            return None
 
 
 def exchange_steps(
@@ -265,28 +308,72 @@ def exchange_steps(
 
     `before` is called with each step that is not a read.
     """
-    exchange = _frames if isinstance(link, FrameLink) else _bytes
-    try:
-        action = next(sequence)
-        while True:
-            pieces: Pieces = []
-            place = len(sent)
-            if until is not None:
-                if until.expired and (action.reads or not all(one.reads for one in sent)):
-                    sequence.close()
-                    return Stopped(TOO_LATE, "switch the power off if the device is still moving", NoAnswer)
-                action = action._replace(seconds=min(action.seconds, until.remaining))
-            if not action.reads:
-                before(action.step)
-            try:
-                exchange(link, action, pieces, lambda action=action: sent.append(Sent(action.step, action.reads, b"")))  # type: ignore[arg-type, misc]
-            finally:
-                if len(sent) > place:
-                    sent[place] = sent[place]._replace(came=b"".join(pieces))
-            action = sequence.send(pieces)
-    except StopIteration as end:
-        stopped: Stopped = end.value
-        return stopped
+    return StopExchange(link, sequence, sent, before, until).finish()
+
+
+class StopExchange:
+    """The same in two parts. Both raise LinkError."""
+
+    def __init__(
+        self,
+        link: Link,
+        sequence: StopSequence,
+        sent: list[Sent],
+        before: Callable[[Step], object] = lambda _step: None,
+        until: Deadline | None = None,
+    ) -> None:
+        self._link, self._sequence, self._sent, self._before, self._until = link, sequence, sent, before, until
+        self._action: StopStep | None = None
+        self._stopped: Stopped | None = None
+
+    def begin(self) -> None:
+        """Until its check begins, or the device has not answered one try: another one on the link has its turn then."""
+        self._next(None)
+        waited, wrote = 0.0, False
+        while (action := self._action) is not None and waited < ONE_TRY and not (wrote and action.reads):
+            pieces = self._exchanged(action)
+            waited += 0.0 if action.enough(pieces) else action.seconds
+            wrote = wrote or not action.reads
+            self._next(pieces)
+
+    def finish(self) -> Stopped:
+        """The rest, or all of it."""
+        if self._action is None and self._stopped is None:
+            self._next(None)
+        while self._action is not None:
+            self._next(self._exchanged(self._action))
+        assert self._stopped is not None
+        return self._stopped
+
+    def _next(self, pieces: Pieces | None) -> None:
+        """The next step, or the result."""
+        self._action = None
+        if self._stopped is not None:
+            return
+        try:
+            self._action = next(self._sequence) if pieces is None else self._sequence.send(pieces)
+        except StopIteration as end:
+            self._stopped = end.value
+
+    def _exchanged(self, action: StopStep) -> Pieces:
+        """What came. Past `until` nothing more goes out that is not the first write, and the result says so."""
+        pieces: Pieces = []
+        sent, place, until = self._sent, len(self._sent), self._until
+        if until is not None:
+            if until.expired and (action.reads or not all(one.reads for one in sent)):
+                self._sequence.close()
+                self._stopped = Stopped(TOO_LATE, "switch the power off if the device is still moving", NoAnswer)
+                return pieces
+            action = action._replace(seconds=min(action.seconds, until.remaining))
+        if not action.reads:
+            self._before(action.step)
+        exchange = _frames if isinstance(self._link, FrameLink) else _bytes
+        try:
+            exchange(self._link, action, pieces, lambda: sent.append(Sent(action.step, action.reads, b"")))  # type: ignore[arg-type]
+        finally:
+            if len(sent) > place:
+                sent[place] = sent[place]._replace(came=b"".join(pieces))
+        return pieces
 
 
 def context_for_link(link: Link, settings: Settings) -> StopContext:

@@ -22,12 +22,12 @@ from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
     RECONNECT_SECONDS,
+    RunningStop,
     Sent,
     StopContext,
     Stopped,
     StopSequence,
     context_for_link,
-    run_stop,
     shown,
     stop_sequence_of,
     with_repeat_counts,
@@ -263,7 +263,7 @@ class DeviceAccess:
 
                 if not is_meant(*self._reached(self._run).key, meant):
                     return self._left_to_other(who)
-            return self._stop(who)
+            return self._stop(who, meant)
 
     def _left_to_other(self, who: str) -> dict[str, Any]:
         """Who asked stops another device on this line: nothing is sent any more, and nothing was stopped here."""
@@ -282,8 +282,7 @@ class DeviceAccess:
             self._stop(who)
             return self.stopped
 
-    def _stop(self, who: str) -> dict[str, Any]:
-
+    def _stop(self, who: str, meant: Collection[str] = ()) -> dict[str, Any]:
         if self._run.prompts.unstoppable:
             return report(Stopped(self._run.prompts.unstoppable), (), refused=True)
         if self.link is None or self.stopped is not None:
@@ -291,6 +290,8 @@ class DeviceAccess:
         # A sleeping reader is waited for no longer, and must not cut this off.
         signals.alarm_is_over()
         self.note_stop()
+        first: list[Sent] = []
+        self._begin_typed(meant, first)
         sent: list[Sent] = []
         context = context_at(self._run, self.link)
         stopped = self._stopped_all(sent)
@@ -303,6 +304,7 @@ class DeviceAccess:
             self.moving(self._run, None, False)
         stopped = self.judged(stopped, {*_devices(self._run, context), *self._at_rest})
         self.link.block_sending()
+        sent = [*first, *sent]
         wire = shown(sent)
         text = f"{who}. Sent {wire}: {stopped.text}" if 0 < len(wire) <= LONG else f"{who}: {stopped.text}"
         kind = stopped.error or Interrupted
@@ -311,12 +313,23 @@ class DeviceAccess:
         self._report["devices"] += [list(key) for key in self._at_rest]
         return self._report
 
+    def _begin_typed(self, meant: Collection[str], sent: list[Sent]) -> None:
+        """The steps for the device whose id somebody has typed, before those for the command's own. Who asks stops it completely afterwards."""
+        run, link = self._run, self.link
+        assert link is not None and run.family is not None
+        own, ledger = self._reached(run).key, run.ledger if run.writes else None
+        for kind, _, number in (one.partition(" ") for one in sorted(meant)):
+            if kind == run.family.kind and number.isdecimal() and (kind, int(number)) != own:
+                context = context_for_link(link, run.settings._replace(id=int(number)))
+                with contextlib.suppress(ValueError, LookupError, OverflowError):  # of an id that no frame can have
+                    RunningStop(link, stop_sequence_of(kind, context), sent, ledger).begin()
+
     def _stopped_all(self, sent: list[Sent]) -> Stopped:
         """The stop of the command's device, and of what earlier commands of its session have left moving on the link."""
         run, link = self._run, self.link
         assert link is not None
-        own = partial(stopped_at, run, link, sent)
-        return own() if run.session is None else run.session.stop_all(run, link, sent, own)
+        own = partial(begun_at, run, link, sent)
+        return own().finish() if run.session is None else run.session.stop_all(run, link, sent, own)
 
     def unstoppable(self, run: Invocation, to: Addressee | None, seconds: float) -> None:
         """Note that something has begun that no command stops, and may last so long; 0 = it is over. On which device: see `moving`."""
@@ -361,18 +374,20 @@ def context_at(run: Invocation, link: Link) -> StopContext:
     return run.opened.stop_context() if met else context_for_link(link, run.settings)
 
 
-def stopped_at(
+def begun_at(
     run: Invocation,
     link: Link,
     sent: list[Sent],
     sequence: Callable[[StopContext], StopSequence] | None = None,
     until: Deadline | None = None,
-) -> Stopped:
-    """The stop of the run's family over `link`, or another `talk`, at the most `until` then. Never raises."""
+) -> RunningStop:
+    """The stop of the run's family over `link`, or another `sequence`, at the most `until` then; its steps are out. Never raises."""
     assert run.family is not None
     context = context_at(run, link)
     said = sequence(context) if sequence is not None else stop_sequence_of(run.family.kind, context)
-    return run_stop(link, said, sent, run.ledger if run.writes else None, until)
+    stop = RunningStop(link, said, sent, run.ledger if run.writes else None, until)
+    stop.begin()
+    return stop
 
 
 def _devices(run: Invocation, context: StopContext) -> list[Addressee]:

@@ -8,19 +8,21 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from handctl import errors
 from handctl.command.family import load, on_can, wire_in
 from handctl.command.options import COMMAND_LINE, NAMED, Source, lacking
 from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, Hint, LinkError, UsageError
-from handctl.link import ByteLink, Deadline
+from handctl.link import ByteLink, Deadline, Link
 from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock, Reached, remembered
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
 from handctl.model.stop_sequence import (
+    RunningStop,
     Sent,
     StopContext,
     Stopped,
@@ -28,7 +30,7 @@ from handctl.model.stop_sequence import (
     stop_sequence_of,
     writes_without_replies,
 )
-from handctl.stop.device_access import DeviceAccess, context_at, lock_for, report, stopped_at
+from handctl.stop.device_access import DeviceAccess, begun_at, context_at, lock_for, report
 from handctl.system import clock, processes
 
 if TYPE_CHECKING:
@@ -53,11 +55,12 @@ def stop(
     sequence: Callable[[StopContext], StopSequence] | None = None,
     otherwise: Callable[[Any], str] | None = None,
     reached: set[tuple[str, int]] | None = None,
+    turns: Turns | None = None,
 ) -> Table:
     """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
 
     `sequence` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence. Family and id of
-    each device that a stop was sent to are added to `reached`.
+    each device that a stop was sent to are added to `reached`. Of several devices, all have their `turns`.
     """
     began = clock.now()
     fall_back(run)
@@ -81,7 +84,7 @@ def stop(
             if other["error"]:
                 run.journal.warn("other-device", f"the device that it was using: {other['text']}", other["hint"])
     if told is None or other is not None or not (told["open"] or told["refused"]):
-        told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise)
+        told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise, turns=turns)
         if unheard(told["error"], told["rows"]) and _drop_stale_id(run, until):
             told = joined_reports(told, _from_here(run, lock, sequence, until, patient=False, otherwise=otherwise))
         if other is not None:
@@ -110,14 +113,21 @@ def stop(
 # -- several devices behind one link ----------------------------------------------------------------------------------
 
 
-def others_stopped(run: Run, table: Table, reached: set[tuple[str, int]]) -> Table:
-    """After the stop of a device whose id nobody gave, that of each other one of its family that handctl has set going here."""
+def stop_with_others(run: Run) -> Table:
+    """The stop of a device, and where nobody gave its id, of each other one of its family that handctl has set going here."""
+    reached: set[tuple[str, int]] = set()
+    turns = Turns(lambda: _others_going(run))
+    table = stop(run, reached=reached, turns=turns)
+    return each_stopped(run, _others_going(run), reached, table, turns) or table
+
+
+def _others_going(run: Run) -> list[Reached]:
     family = run.family
     assert family is not None
     if not family.ids or not _any_id(run) or run.settings.dry_run or run.session is not None:
-        return table
+        return []
     _, moving = remembered(run.link_name(), family.tcp_port)
-    return each_stopped(run, (one for one in moving if one.family == family.kind), reached, table) or table
+    return [one for one in moving if one.family == family.kind]
 
 
 def _as_it_is_now(run: Run) -> None:
@@ -154,7 +164,11 @@ def tell_gone(run: Run) -> None:
 
 
 def each_stopped(
-    run: Run, meant: Iterable[Reached], reached: set[tuple[str, int]], before: Table | None = None
+    run: Run,
+    meant: Iterable[Reached],
+    reached: set[tuple[str, int]],
+    before: Table | None = None,
+    turns: Turns | None = None,
 ) -> Table | None:
     """The stop of each device that is `meant` and not among those that were `reached` until then, behind the steps of the one `before`.
 
@@ -162,16 +176,16 @@ def each_stopped(
     """
     settings, sources = run.settings, run.sources
     failed = [before.failure] if before is not None and before.failure is not None else []
+    meant = list(meant)
+    turns = turns or Turns(lambda: meant, reached)
     for one in meant:
         if one.key in reached:
             continue
         reached.add(one.key)
-        number = {"id": one.key[1]} if load(one.family, "cli").cli.family.ids else {}
-        said = {key: value for key, value in {**one.settings, **number}.items() if not is_said(sources.get(key))}
-        run.settings = settings.having(said)
-        run.sources = {**sources, **dict.fromkeys(number.keys() & said.keys(), OTHERS)}
+        run.settings, said = _settings_for(one, settings, sources)
+        run.sources = {**sources, **dict.fromkeys({"id"} & said, OTHERS)}
         try:
-            before = stopped_as(run, one.family, reached, before)
+            before = stopped_as(run, one.family, reached, before, turns)
         except UsageError as exc:  # one that was reached by another name of this place, which is none of its LINKs
             run.journal.warn("passed-over", exc.text, exc.hint)
             continue
@@ -184,22 +198,86 @@ def each_stopped(
     return before
 
 
+def _settings_for(one: Reached, settings: Settings, sources: Mapping[str, Source]) -> tuple[Settings, set[str]]:
+    """The settings that reach this device, and which of them nobody has given."""
+    number = {"id": one.key[1]} if load(one.family, "cli").cli.family.ids else {}
+    said = {key: value for key, value in {**one.settings, **number}.items() if not is_said(sources.get(key))}
+    return settings.having(said), set(said)
+
+
+class Turns:
+    """Devices on one link that are stopped one after the other: each is begun before the first one is checked.
+
+    waiting   all of them
+    reached   those that had their turn, see `stop`
+    """
+
+    def __init__(self, waiting: Callable[[], Iterable[Reached]], reached: Container[tuple[str, int]] = ()) -> None:
+        self._waiting, self._reached = waiting, reached
+        self._begun: dict[tuple[str, int], RunningStop] = {}
+
+    def of(self, run: Run, link: Link, begin: Callable[[], RunningStop], until: Deadline | None) -> RunningStop:
+        """The stop of the device of this run, by `begin` where it was not begun before; after it those that wait are begun."""
+        assert run.family is not None
+        key = (run.family.kind, context_at(run, link).number)
+        stop = self._begun.pop(key, None) or begin()
+        for one in self._waiting():
+            if one.key != key and one.key not in self._begun and one.key not in self._reached:
+                with _turned_to(run, link, one) as reachable:
+                    if reachable:
+                        self._begun[one.key] = begun_at(run, link, [], None, until)
+        return stop
+
+    def lost(self) -> None:
+        """The link was lost, and is opened again."""
+        self._begun.clear()
+
+
+@contextlib.contextmanager
+def _turned_to(run: Run, link: Link, one: Reached) -> Iterator[bool]:
+    """Around the steps for another device on the open link of this run; whether any can go out to it now."""
+    before, ledger, speed = (run.family, run.settings), run.ledger, getattr(link, "baud", None)
+    words = ledger.words, ledger.explain
+    try:
+        run.family = family = load(one.family, "cli").cli.family
+        run.settings, _ = _settings_for(one, run.settings._replace(kind=None), run.sources)
+        if family is not before[0]:
+            ledger.words = None
+        held = family.holds_back is not None and family.holds_back(run.link_name())
+        usable = not held and _trouble(run, run.settings) is None
+        yield usable and _at_speed(link, run.settings.baud or family.baud)
+    finally:
+        run.family, run.settings = before
+        ledger.words, ledger.explain = words
+        _at_speed(link, speed)
+
+
+def _at_speed(link: Link, speed: int | None) -> bool:
+    """Whether the link has this speed now; where it has none that is ours, it has."""
+    if isinstance(link, ByteLink) and link.can_set_baud and speed is not None and link.baud != speed:
+        try:
+            link.set_baud(speed)
+        except LinkError:
+            return False
+    return True
+
+
 def is_said(source: Source | None) -> bool:
     """Whether a setting was typed, or is that of the named device: no other one takes its place."""
     return source is not None and (source == COMMAND_LINE or source.level == NAMED)
 
 
-def stopped_as(run: Run, kind: str, reached: set[tuple[str, int]], before: Table | None = None) -> Table:
+def stopped_as(
+    run: Run, kind: str, reached: set[tuple[str, int]], before: Table | None = None, turns: Turns | None = None
+) -> Table:
     """The stop of a device of family `kind`, behind the steps of the one `before`, which was for another device."""
     run.family = load(kind, "cli").cli.family
     if before is not None:
         run.settings = run.settings._replace(kind=None)
         run.journal.ledger.words = None
-        link, speed = run.link, run.settings.baud or run.family.baud
-        if isinstance(link, ByteLink) and link.can_set_baud and speed is not None and link.baud != speed:
-            with contextlib.suppress(LinkError):
-                link.set_baud(speed)
-    then = stop(run, reached=reached)
+        if run.link is not None:
+            _at_speed(run.link, run.settings.baud or run.family.baud)
+    then = stop(run, reached=reached, turns=turns)
     if before is not None:
         then.rows = [{**row, "step": at} for at, row in enumerate([*before.rows, *then.rows], 1)]
     return then
@@ -398,6 +476,7 @@ def _from_here(
     *,
     patient: bool,
     otherwise: Callable[[Any], str] | None,
+    turns: Turns | None = None,
 ) -> dict[str, Any]:
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
     assert run.family is not None
@@ -411,6 +490,8 @@ def _from_here(
     stopped = None
     while stopped is None or (stopped.error is LinkError and clock.now() < until):
         try:
+            if stopped is not None and turns is not None:
+                turns.lost()
             link = run.open_link(again=stopped is not None, baud=_last_speed(run, run.link_name()))
         except LinkError:
             if clock.now() >= until:
@@ -419,10 +500,11 @@ def _from_here(
             continue
         if run.session is not None and run.connection.device_access is not None:
             run.connection.device_access.note_stop()
-        sent.clear()
         end = None if bound is None else link.deadline(bound.remaining)
         with run.prompts.stopping():
-            stopped = stopped_at(run, link, sent, sequence, end)
+            begin = partial(begun_at, run, link, [], sequence, end)
+            going = begin() if turns is None else turns.of(run, link, begin, end)
+            stopped, sent = going.finish(), going.sent
             if (access := run.connection.device_access) is not None:
                 device = run.family.kind, context_at(run, link).number
                 stopped = access.judged(stopped, [device])

@@ -64,11 +64,14 @@ def _stopped(run: Run) -> Table:
             kind = family_at(run)
             table = stopped_as(run, kind, reached) if kind else None
         others = list(_used_by_others(run, unknown))
+        missed, before = None, len(table.rows) if table is not None else 0
         if others and not going and table is not None and table.failure is not None and _missed(table):
-            # Another device is there now than the one that was met.
-            run.journal.warn("other-device", table.failure.text)
-            table.failure = None
+            missed, table.failure = table.failure, None
         table = each_stopped(run, others, reached, table)
+        if missed is not None and table is not None and len(table.rows) == before:  # nothing else was stopped
+            table.failure = missed
+        elif missed is not None:  # another device is there now than the one that was met
+            run.journal.warn("other-device", missed.text)
     # What a command of another user is using is there: nothing else is looked for.
     if table is None or not (others or not _missed(table)):
         table = _other_stopped(run, kind, table, reached, going=bool(going))

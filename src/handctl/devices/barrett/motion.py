@@ -14,7 +14,7 @@ from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
-from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, stands
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.movement import (
     ARRIVAL,
@@ -30,10 +30,10 @@ from handctl.model.movement import (
     failure_of_arrivals,
     is_astray,
 )
-from handctl.model.param import Step
+from handctl.model.param import Reading, Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import FIND_WHO
+from handctl.model.stop_sequence import FIND_WHO, Stopped, run_stop
 from handctl.number_parsing import number_in
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -176,14 +176,21 @@ def timed(
         began = hand.link.now()
         answer = hand.line.ask(text, at_least=3 * seconds)
         took = hand.link.now() - began
-    prompts.done()
-    try:
-        table, arrivals = _result(hand, name, answer, motors, goals, starts, all_motors=not prefix)
-        if answer.status:
-            _note_end(hand, answer, table.rows)
-    except (NoAnswer, ProtocolError) as exc:
-        exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
-        raise
+        hand.line.check_ended(text)
+        strain = hand.read(BARRETT.elements("SG", motors=motors))  # first: it relaxes when the motor is off (dossier 5)
+        look = run_stop(hand.link, stands(hand.stop_context(), Stopped(f"{text} has ended")))
+        if look.error is DeviceRefused:  # the prompt was wrong: nothing was refused
+            raise ProtocolError(f"{hand.link.name}: {look.text}", hint=look.hint, code="moving")
+        if look.error is NoAnswer:
+            raise NoAnswer(f"{hand.link.name}: {look.text}", hint=look.hint)
+        prompts.done()
+        try:
+            table, arrivals = _result(hand, name, answer, strain, motors, goals, starts, all_motors=not prefix)
+            if answer.status:
+                _note_end(hand, answer, table.rows)
+        except (NoAnswer, ProtocolError) as exc:
+            exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
+            raise
     # That a place was not reached (16) is told for some movements only (barrett §5.5): each motor is judged by where it is.
     missed = answer.status == NOT_REACHED
     table.failure = hand.objection(answer._replace(status=0) if missed else answer)
@@ -305,15 +312,15 @@ def _result(
     hand: BarrettHand,
     name: str,
     answer: Answer,
+    strain: list[Reading],
     motors: list[int],
     goals: dict[int, int],
     starts: dict[int, int],
     *,
     all_motors: bool,
 ) -> tuple[Table, list[Arrival]]:
-    # The strain first: it relaxes when the motor is off (dossier 5).
     names = ["SG", "P", "S", "HSG", "LSG", "MPE", *(["EN"] if all_motors else [])]
-    readings = hand.read(BARRETT.elements(*names, motors=motors))
+    readings = [*hand.read(BARRETT.elements(*names, motors=motors)), *strain]
     at = {(gcl_name(reading.element), reading.element.index): reading.value for reading in readings}
     rows: list[Row] = []
     arrivals = []

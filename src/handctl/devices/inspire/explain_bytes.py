@@ -1008,7 +1008,8 @@ class InspireWriteRules:
             return None if reads else (can_id, data)
         if mode := mode_of(data):
             pdu = pdu_of(data, mode)
-            return None if modbus_frames.only_reads(pdu) else (mode, pdu)
+            # without the running number, but with the device that it is for
+            return None if modbus_frames.only_reads(pdu) else data[2:] if mode == TCP else data
         reads = data[:2] == eb90.HOST and len(data) == 9 and data[3] == 4 and data[4] in (eb90.READ, eb90.WRIST_READ)
         return None if reads or eb90.only_reads(data) else data
 

@@ -32,6 +32,7 @@ from handctl.devices.barrett.gcl.connect_table import (
     SILENCE,
     abort_at,
     is_answer,
+    question_in,
 )
 from handctl.errors import Aftermath, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
@@ -213,6 +214,20 @@ class GclLine(Line):
         finally:
             self.bound = bound
 
+    def check_ended(self, command: str) -> None:
+        """Raise ProtocolError if the hand does not reply after the prompt of a movement: then the movement may still be running."""
+        self.journal.counters.writes += (
+            1  # as in `ask`: until it was seen standing, whoever drives it stops it after an error
+        )
+        if self.over or question_in(came := self._question()) or _speaks_of_restart(came, ""):
+            return
+        self.journal.ledger.doubt("a prompt came, but no reply after it", Step(command, encode(command)))
+        raise ProtocolError(
+            f"{self.where}: the prompt of {command} came, but the hand does not reply after it, so the movement may not have ended",
+            hint="check the cable and run the command again: data may have been corrupted on the line",
+            code="false-prompt",
+        )
+
     def read(self, command: str, check: Callable[[Answer], object] = lambda answer: None) -> Answer:
         """A query, repeated after a resynchronisation when no valid answer came; anything else is `ask`ed once.
 
@@ -338,9 +353,9 @@ class GclLine(Line):
         return decoder.next()
 
     def resynchronise(self, *, stop: bool = False) -> bool:
-        """After a timeout: silence, then the question; whether the prompt came. ^C before it only where it may `stop`."""
+        """After a timeout: silence, then the question; whether the prompt came. ^C before it only where it is to `stop`."""
         link = self.link
-        if stop or self.interrupt:
+        if stop:
             link.write(self.abort_bytes, link.deadline(1.0))
         quiet = link.deadline(QUIET)
         end = link.deadline(2.0)
@@ -351,6 +366,11 @@ class GclLine(Line):
         if _speaks_of_restart(stale, ""):
             self._unread, self._connected = stale, False
             return False
+        return has_prompt(self._question())
+
+    def _question(self) -> bytes:
+        """Send the question; what came until its answer."""
+        link = self.link
         link.write(QUESTION, link.deadline(1.0))
         came, end = b"", link.deadline(PROMPT_WAIT + self.wire_seconds(16))
         last = link.deadline(LATEST)
@@ -365,7 +385,7 @@ class GclLine(Line):
                 end = link.deadline(min(last.remaining, 2 * PROMPT_WAIT) + self.wire_seconds(16))
         if _speaks_of_restart(came, ""):
             self._unread, self._connected = came, False
-        return has_prompt(came)
+        return came
 
     def reconnect(self) -> None:
         """Find the hand again, perhaps at another baud rate (after RESET, PDEF, PLOAD)."""

@@ -12,7 +12,6 @@ from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, Answer, encode, k
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
 from handctl.devices.barrett.motion import refuse_typed_harm
 from handctl.devices.barrett.parameter_map import BARRETT
-from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import refuse_controls, unmarked
 from handctl.interrupts import reset_interrupts
@@ -141,7 +140,7 @@ class DeathGuard:
             self._on = False
         elif KINDS[kind].moves and not self._on:
             self._hand.line.connect()
-            self._stack.enter_context(self._hand.guarded(powered=CTRL_C_KEEPS_POWER))
+            self._stack.enter_context(self._hand.guarded())
             self._on = True
 
     def __enter__(self) -> DeathGuard:
@@ -158,7 +157,10 @@ def ask(hand: BarrettHand, text: str, prompts: Prompts) -> Answer:
     """
     if kind_of(text) != "speed":
         with hand.stopped_by_error(hand.abort, prompts, "The hand"):
-            return hand.line.ask(text)
+            answer = hand.line.ask(text)
+            if KINDS[kind_of(text)].moves:
+                hand.line.check_ended(text)
+            return answer
     hand.line.connect()
     before = hand.line.link.baud
     try:

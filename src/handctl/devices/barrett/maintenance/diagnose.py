@@ -510,7 +510,9 @@ def _timed(patient: ExaminedHand, text: str, prompts: Prompts) -> float:
     begin = link.now()
     with patient.hand.driven(prompts, powered=CTRL_C_KEEPS_POWER, what=f"in {text}: "):
         patient.hand.do(text)
-    return link.now() - begin
+        took = link.now() - begin
+        patient.hand.line.check_ended(text)
+    return took
 
 
 def initialize(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:
