@@ -216,9 +216,8 @@ class GclLine(Line):
 
     def check_ended(self, command: str) -> None:
         """Raise ProtocolError if the hand does not reply after the prompt of a movement: then the movement may still be running."""
-        self.journal.counters.writes += (
-            1  # as in `ask`: until it was seen standing, whoever drives it stops it after an error
-        )
+        # As in `ask`: until it was seen standing still, whoever drives it stops it after an error.
+        self.journal.counters.writes += 1
         if self.over or question_in(came := self._question()) or _speaks_of_restart(came, ""):
             return
         self.journal.ledger.doubt("a prompt came, but no reply after it", Step(command, encode(command)))
