@@ -253,7 +253,7 @@ def _stop_each(stops: Sequence[Stop], link: Link) -> None:
             begun = getattr(stop, "begun", None)
             left.append(begun(link).finish if begun is not None else partial(stop, link))
     for finish in left:
-        with suppress(Exception):
+        with suppress(Exception):  # whatever goes wrong with one, the next is stopped
             finish()
 
 

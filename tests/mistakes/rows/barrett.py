@@ -166,8 +166,8 @@ ROWS = (
         "stop not sent",
         "handctl.model.device",
         "Device.guarded",
-        "stop = StopPlan(self.kind, self.stop_context(), sequence)",
-        "stop = StopPlan(self.kind, self.stop_context()._replace(powered=True), sequence)",
+        "own = StopPlan(self.kind, own.context, sequence)",
+        "own = StopPlan(self.kind, own.context._replace(powered=True), sequence)",
         f"{STOP}_the_death_of_a_command_takes_the_power_off_whatever_holds",
     ),
     mistake(
