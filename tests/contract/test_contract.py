@@ -34,7 +34,6 @@ from tests.contract.facts import Passed, Rule, facts_of, passed
 from tests.fuzz.support import Chunks
 from tests.search.suite import bounded
 from tests.support.cli import run, spying
-from tests.support.each_row import each_row
 from tests.support.places import TESTS
 
 MANY = "a case for each command: a new one is tried without being added to a list"
@@ -64,7 +63,7 @@ def words_of(family: str) -> list[str]:
 # -- every verb ---------------------------------------------------------------------------------------------------------
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_the_facts_are_those_of_the_family(family: str) -> None:
     facts = facts_of(family)
     assert set(facts.writes) == set(writing_commands(family))
@@ -260,7 +259,7 @@ def cases(family: str) -> Iterator[tuple[str, list[str], list[str]]]:
             )
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_the_transcripts_are_what_host_and_simulator_say(family: str, tmp_path: Path) -> None:
     """The third book: host and simulator against bytes that neither has made. Cases with `# handctl WORDS` are run here."""
     found = list(cases(family))
@@ -368,7 +367,7 @@ def test_what_is_out_of_range_is_refused_before_a_byte_is_sent(family: str) -> N
 # -- the books ----------------------------------------------------------------------------------------------------------------
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_a_person_finds_it(family: str) -> None:
     """In the man page, in three shells' completions, in README, in the help of the root and of the simulators."""
     top = TESTS.parent
@@ -382,7 +381,7 @@ def test_a_person_finds_it(family: str) -> None:
     assert LISTED["Devices"] == tuple(FAMILIES) and sum(map(len, LISTED.values())) == len(COMMANDS)
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_each_command_is_listed_below_a_heading(family: str) -> None:
     """In the order of HEADINGS, with what every device has first; none is left over below "Commands"."""
     group = importlib.import_module(FAMILIES[family].module("cli")).cli

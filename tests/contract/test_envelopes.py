@@ -53,8 +53,8 @@ def test_in_real_time_it_is_the_time_of_day(family: str) -> None:
     assert before.replace(microsecond=0) <= moment(end["time"]) <= datetime.now(timezone.utc)
 
 
-@each_row("verb", ["status", "dump"])
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("verb", ["status", "dump"])
+@pytest.mark.parametrize("family", FAMILIES)
 def test_a_serial_number_is_shown_where_it_is_asked_for(family: str, verb: str) -> None:
     """Firmware wherever it was read; neither costs a question of its own."""
     params, link = map_of(family), facts_of(family).link(family)
@@ -71,7 +71,7 @@ def test_a_serial_number_is_shown_where_it_is_asked_for(family: str, verb: str) 
     assert shown["counters"] == plain["counters"]
 
 
-@each_row("name", BEFORE)
+@pytest.mark.parametrize("name", BEFORE)
 def test_an_envelope_of_before_is_valid(name: str) -> None:
     envelope: dict[str, Any] = BEFORE[name]
     check_schema(envelope)

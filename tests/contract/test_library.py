@@ -20,7 +20,6 @@ from tests.contract.alone import alone, steady, words_of
 from tests.contract.cell import wrote
 from tests.contract.commands import ELSEWHERE, commands, scratch_of
 from tests.contract.facts import facts_of, passed
-from tests.support.each_row import each_row
 
 MANY = "a case for each command: a new one is called without being added to a list"
 OPENS_NONE = {(family, name): command.offline for family in FAMILIES for name, command in commands(family)}
@@ -98,7 +97,7 @@ def test_what_asks_raises_without_confirm_and_sends_nothing(
         assert rows == [] and passed(tmp_path / "trace.txt") == []
 
 
-@each_row(("family", "name"), WRITING)
+@pytest.mark.parametrize(("family", "name"), WRITING)
 def test_a_dry_run_returns_the_bytes(family: str, name: str, tmp_path: Path) -> None:
     (one := tmp_path / "one").mkdir()
     first = alone(words_of(family, name, scratch_of(one)), one, "-p", facts_of(family).link(family, name), "-n")

@@ -15,7 +15,6 @@ from handctl.families import FAMILIES
 from handctl.link import Link
 from tests.contract.alone import steady
 from tests.contract.facts import passed
-from tests.support.each_row import each_row
 
 REQUEST = bytes.fromhex("EB 90 01 04 11 0A 06 02 28")
 """Another register of the exo (1546, exo §2.2.2), whose answer is as long as that for the voltage."""
@@ -39,7 +38,7 @@ def calls(device: Device) -> list[object]:
     return list(device._line._bound.values())
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_it_asks_and_answers_as_the_first_time(family: str, tmp_path: Path) -> None:
     name, trace, lengths, counters = quantity(family), tmp_path / "trace.txt", [], []
     with handctl.simulate(family, trace=str(trace)) as device:
@@ -57,7 +56,7 @@ def test_it_asks_and_answers_as_the_first_time(family: str, tmp_path: Path) -> N
     assert counters[0] == counters[1], "each has its own counters"
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_its_silence_is_told_and_the_next_one_asks_again(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
     name = quantity(family)
     with handctl.simulate(family, timeout=0.05) as device:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from handctl.families import FAMILIES
 from handctl.sim import model_class
 from handctl.sim.barrett import boot_monitor, realtime_loop
@@ -9,7 +11,6 @@ from handctl.sim.engine.can_line import CAN_FAULTS
 from handctl.sim.engine.line_and_faults import LINE_FAULTS
 from handctl.sim.hand.registers import MODBUS_FAULTS, SERIAL_FAULTS, TCP_FAULTS
 from tests.contract.facts.outcomes import outcomes_of
-from tests.support.each_row import each_row
 
 OF_WIRE = {
     "eb90": SERIAL_FAULTS,
@@ -21,7 +22,7 @@ OTHERS = {"barrett": {*realtime_loop.FAULTS, *boot_monitor.FAULTS}}
 """Faults that only meet commands with tests of their own: `realtime` and the firmware's."""
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_every_fault_of_the_simulator_is_there(family: str) -> None:
     for wire, own in outcomes_of(family).wires.items():
         line = CAN_FAULTS if "bus=can" in own.options else LINE_FAULTS
@@ -39,7 +40,7 @@ def elsewhere(family: str, wire: str) -> set[str]:
     return {fault for at, own in outcomes_of(family).wires.items() if at != wire for fault in own.device}
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_a_table_names_commands_that_are_there(family: str) -> None:
     table = outcomes_of(family)
     names = {row.name for row in table.rows}

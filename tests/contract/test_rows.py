@@ -11,7 +11,6 @@ from handctl.docgen.read_command_tree import map_of
 from handctl.families import FAMILIES
 from tests.contract.facts import facts_of
 from tests.support.cli import run
-from tests.support.each_row import each_row
 
 MANY = "a case for each family and verb: a new family is tried without being added to a list"
 SAID = ("name", "unit", "path", "scaled_unit")
@@ -51,7 +50,7 @@ def test_a_row_names_what_get_takes(family: str, verb: str) -> None:
     assert [[row.get(key) for key in SAID] for row in again] == [[row.get(key) for key in SAID] for row in named]
 
 
-@each_row("family", FAMILIES)
+@pytest.mark.parametrize("family", FAMILIES)
 def test_every_element_has_one_path_that_is_its_own(family: str) -> None:
     """Also the parts of a vector, and what only later devices have."""
     params = map_of(family)
