@@ -67,6 +67,12 @@ def links() -> Iterator[dict[str, str]]:
 places = each_row("place", PLACES)
 
 
+@pytest.fixture(autouse=True)
+def patient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A simulator that a busy machine keeps waiting for more than a second is an adapter all the same."""
+    monkeypatch.setattr("handctl.link.slcan.ANSWER_SECONDS", 10.0)
+
+
 # -- serving ----------------------------------------------------------------------------------------------------------
 
 
@@ -224,8 +230,9 @@ def test_an_adapter_that_hangs_up_is_exit_3(start: Start, place: str) -> None:
 
 
 @pytest.mark.real
-def test_errors_of_the_bus(start: Start, tmp_path: Path) -> None:
+def test_errors_of_the_bus(start: Start, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each condition has its own code and its own next step, whichever way the adapter has of saying so."""
+    monkeypatch.setattr("handctl.link.slcan.ANSWER_SECONDS", 1.0)  # one of them is silence
     panel = tmp_path / "panel"
     link = start("slcan-pty", "--control", panel).link
     for fault, exit_code, code in (
@@ -312,5 +319,5 @@ def test_handctl_and_a_foreign_client_take_turns(links: dict[str, str], tmp_path
         with plain_bus(links["slcan-pty"]) as bus:
             bus.send(can.Message(arbitration_id=0x10FF0001, data=[2], is_extended_id=True))
         result = run("wrist", "get", "yaw_set", "-p", links["slcan-pty"], "--json", "--trace", trace)
-        assert result.values == {"yaw_set": 11.0}
+        assert result.values == {"yaw_set": 11.0}, result
     assert sent_frames(trace) == ["11038001 [1] 02"]

@@ -59,6 +59,21 @@ def stops_in(sent: list[bytes]) -> list[str]:
 
 
 @contextmanager
+def noting_access() -> Iterator[list[DeviceAccess]]:
+    """What is opened in here, as another command reaches it that asks for a stop."""
+    opened, access = Connection.opened, list[DeviceAccess]()
+
+    def noted(connection: Connection, *args: Any, **more: Any) -> Any:
+        found = opened(connection, *args, **more)
+        assert connection.device_access is not None
+        access.append(connection.device_access)
+        return found
+
+    with mock.patch.object(Connection, "opened", noted):
+        yield access
+
+
+@contextmanager
 def noting(deaf: str = "") -> Iterator[list[bytes]]:
     """What is written to a simulated line; who is `deaf` hears nothing of it once it is being stopped."""
     sent: list[bytes] = []
@@ -116,7 +131,7 @@ def test_ctrl_c_stops_each_device_that_a_line_has_left_moving(
 def test_each_gets_its_stop_before_one_of_them_is_checked(way: str, deaf: str, tmp_path: Path) -> None:
     """Who is silent has one short try until then."""
     link = f"fake://bus?file={bus(tmp_path)}&clock=virtual"
-    pressed, time_passes, opened, access = list[bool](), FakeLink.sleep, Connection.opened, list[DeviceAccess]()
+    pressed, time_passes = list[bool](), FakeLink.sleep
 
     def interrupted(line: FakeLink, seconds: float) -> None:
         if seconds == 30 and not pressed:
@@ -127,17 +142,7 @@ def test_each_gets_its_stop_before_one_of_them_is_checked(way: str, deaf: str, t
             raise KeyboardInterrupt
         time_passes(line, seconds)
 
-    def kept(connection: Connection, *args: Any, **more: Any) -> Any:
-        line = opened(connection, *args, **more)
-        assert connection.device_access is not None
-        access.append(connection.device_access)
-        return line
-
-    with (
-        noting(deaf) as sent,
-        mock.patch.object(FakeLink, "sleep", interrupted),
-        mock.patch.object(Connection, "opened", kept),
-    ):
+    with noting(deaf) as sent, noting_access() as access, mock.patch.object(FakeLink, "sleep", interrupted):
         if way == "guard":
             plans = [StopPlan("exo", StopContext(Settings(id=number), speed=115200)) for number in (2, 1)]
             deadman._stop_each(plans, open_link(link))
@@ -221,7 +226,6 @@ def test_a_stop_that_was_not_acknowledged_leaves_the_device_on_the_list(tmp_path
 def test_a_wish_stops_each_and_the_batch_ends_by_that(lines: tuple[str, ...], stops: list[str], tmp_path: Path) -> None:
     """First what is known to move; nothing is stopped once more behind it."""
     told: list[Any] = []
-    opened = Connection.opened
 
     def pressed(link: FakeLink, seconds: float) -> None:
         if not told:
@@ -229,19 +233,7 @@ def test_a_wish_stops_each_and_the_batch_ends_by_that(lines: tuple[str, ...], st
             told.append(access[-1].stop("asked"))
             raise KeyboardInterrupt
 
-    access: list[DeviceAccess] = []
-
-    def noted(connection: Connection, *args: Any, **more: Any) -> Any:
-        found = opened(connection, *args, **more)
-        assert connection.device_access is not None
-        access.append(connection.device_access)
-        return found
-
-    with (
-        noting() as sent,
-        mock.patch.object(FakeLink, "sleep", pressed),
-        mock.patch.object(Connection, "opened", noted),
-    ):
+    with noting() as sent, noting_access() as access, mock.patch.object(FakeLink, "sleep", pressed):
         link = f"fake://bus?file={bus(tmp_path)}&clock=virtual"
         result = run("batch", "-p", link, "--json", stdin="\n".join((*lines, "sleep 30")))
     assert result.code == 130, result
