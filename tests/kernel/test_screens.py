@@ -7,11 +7,15 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable
 from functools import cache
 from itertools import pairwise
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from handctl import interrupts
 from handctl.families import FAMILIES
 from handctl.model.command_settings import Settings
 from handctl.model.device_picture import Remedy, highest_of
@@ -435,3 +439,29 @@ def test_a_value_that_is_read_seldom_is_shown_until_the_next(moments: tuple[int,
 
 def test_counts_of_values_are_said_in_words() -> None:
     assert set(live_view.SEEN) == {"bad", "missing", "skipped"}
+
+
+def test_a_row_at_which_the_view_is_ended_is_recorded_and_counted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    tape = live_view.LiveRecorder(live_view.View(Table(), Context()), "exo")  # type: ignore[arg-type]
+    tape.switch()
+    flush = tape._file.flush  # type: ignore[union-attr]
+
+    def pressed() -> None:
+        flush()
+        interrupts._end(2, None)  # what the key q calls
+
+    monkeypatch.setattr(interrupts, "_state", interrupts._State())
+    monkeypatch.setattr(tape, "_file", Flushed(tape._file, pressed))
+    with pytest.raises(KeyboardInterrupt):
+        tape.add(Sample(0.0, ({"name": "a", "value": 7},)))
+    assert "1 row " in tape.end() and len((tmp_path / tape.path).read_text().splitlines()) == 2
+
+
+class Flushed:
+    """A file with another `flush`."""
+
+    def __init__(self, file: Any, flush: Callable[[], None]) -> None:
+        self.write, self.close, self.flush = file.write, file.close, flush

@@ -729,9 +729,10 @@ class LiveRecorder:
         if self._sheet is None:
             self._sheet = Wide(sample.rows, moment)
         try:
-            self._file.write(self._sheet.line(sample.rows, str, moment))
-            self._file.flush()
-            self._rows += 1
+            with interrupts.handing_over():  # the key that ends the view may come now
+                self._file.write(self._sheet.line(sample.rows, str, moment))
+                self._file.flush()
+                self._rows += 1
         except OSError as exc:
             self.end(f": {exc.strerror or exc}")
 
