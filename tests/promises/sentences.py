@@ -1,4 +1,4 @@
-"""Each sentence of handctl-safety(7) and handctl-output(7) that names an exit code, and each row of the table of exit codes."""
+"""Each sentence of handctl-safety(7), handctl-stopping(7), handctl-movements(7) and handctl-output(7) that names an exit code, and each row of the table of exit codes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from tests.promises.verbs import SICK
 from tests.support.cli import run
 from tests.support.places import TESTS
 
-GUIDES = ("safety", "output")
+GUIDES = ("safety", "stopping", "movements", "output")
 SENTENCE = re.compile(r"(?<=[.:])\s+(?=[A-Z`])")
 
 
@@ -72,14 +72,18 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "stop/test_whose.py",
         "test_where_nobody_answers_the_next_step_is_said",
     ),
-    "That command then stops its device before it does anything else": ("stop/test_stop.py", "test_"),
+    "In each case, the other command ends with exit code 130": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the stop was acknowledged": (
         "contract/test_contract.py",
         "test_ctrl_c_in_a_movement_sends_its_stop",
     ),
-    "means one of three things: the stop was not acknowledged": (
+    "With exit code 3, 4, 5, 6 or 7, the device may still be moving": (
         "stop/test_stop_sequence.py",
         "test_a_hold_that_is_not_acknowledged_is_no_stop",
+    ),
+    "Exit code 0 means that the device acknowledged the stop": (
+        "stop/test_standstill.py",
+        "test_",
     ),
     "Exit code 0 means that Ctrl-C came too late": ("kernel/test_interrupts.py", "test_"),
     "the command is refused with exit code 6": ("promises/symptoms.py", "other_family"),
