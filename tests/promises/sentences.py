@@ -73,7 +73,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "test_where_nobody_answers_the_next_step_is_said",
     ),
     "In each case, the other command ends with exit code 130": ("stop/test_stop.py", "test_"),
-    "Exit code 130 means that the stop was acknowledged": (
+    "Exit code 130 means that the device acknowledged the stop": (
         "contract/test_contract.py",
         "test_ctrl_c_in_a_movement_sends_its_stop",
     ),
