@@ -179,8 +179,9 @@ class DeviceAccess:
         self._lock.remember(met, replied=run.journal.counters.received > 0)
         for one in self._lock.going if run.journal.counters.received else ():
             pair = {one.family, met.family}
+            apart = run.family.ids and one.key[1] != met.key[1]
             beside = len(pair) == 1 or any({kind, FAMILIES[kind].beside} == pair for kind in pair & FAMILIES.keys())
-            if not beside and not (run.family.ids and one.key[1] != met.key[1]):
+            if not (apart or beside):
                 self._lock.at_rest(one)
 
     @property
