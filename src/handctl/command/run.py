@@ -431,7 +431,7 @@ class Run(Invocation):
     def end_device(self) -> HandctlError | None:
         """Let go of the link; what went wrong with the command, or else what is wrong with its table."""
         outcome, table = self.outcome, self.outcome.table
-        if table is not None and not (outcome.failure or table.failure) and self._left_as_found():
+        if self.before is not None and table and not (outcome.failure or table.failure) and self._left_as_found():
             outcome.failure = self.connection.trace.failure
             return outcome.failure
         failure = outcome.failure and self.with_cause_named(outcome.failure)
@@ -450,7 +450,7 @@ class Run(Invocation):
 
     def _left_as_found(self) -> bool:
         """Whether it has asked the same as before, on a link that stays open, and finds there what it has left."""
-        access, asked_again = self.connection.device_access, self.before is not None and self.opened is self.before
+        access, asked_again = self.connection.device_access, self.opened is self.before
         return asked_again and access is not None and access.known == self.known and not (self.stopped or self.others)
 
     def remember(self, failure: HandctlError | None) -> None:
@@ -481,7 +481,7 @@ class Run(Invocation):
             failure = other.close(failure)
         if (access := self.connection.device_access) is not None and self.family.kind and self._met(failure):
             access.remember(self)
-            self.known = access.known
+            self.known = access.known if self.session is not None else ()
         table = self.outcome.table
         ended = failure or (table.failure if self.stops and table is not None else None)
         if self.session is not None and self.session.keeps(self.connection, ended, self):
