@@ -16,9 +16,10 @@ import pytest
 
 import handctl
 from handctl import hands
-from handctl.errors import LinkError, NoAnswer, NotConfirmed, UsageError
+from handctl.errors import STOPPED, Interrupted, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.families import FAMILIES
 from handctl.link.fake import FakeLink
+from handctl.model.device import Device
 from tests.support.cli import spying
 from tests.support.refused import refused
 
@@ -223,6 +224,26 @@ def test_a_device_may_be_left_without_with() -> None:
     hand.disconnect()
     assert hand.get("id")  # opens it again
     hand.disconnect()
+
+
+def test_a_stop_behind_the_last_reply_of_a_reading_that_is_asked_again_ends_it(
+    exo: hands.Exo, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = Device.table
+
+    def stopped(device: Device, *given: Any) -> Any:
+        call = exo._line.last
+        assert call is not None and call.connection.device_access is not None
+        call.connection.device_access.stop_from_outside("stopped by a test")
+        return table(device, *given)
+
+    for _ in range(3):
+        assert exo.get("id")
+    monkeypatch.setattr(Device, "table", stopped)
+    with refused(Interrupted, STOPPED):
+        exo.get("id")
+    monkeypatch.undo()
+    assert exo.get("id")  # on a link that was opened again
 
 
 def test_the_signature_of_connect_is_documented() -> None:

@@ -283,6 +283,23 @@ def test_what_cannot_be_beside_a_device_that_replies_is_no_longer_there(
     assert going() == ([before] if stays else [])
 
 
+def test_a_reading_that_is_asked_again_notes_its_device_after_another_was_met(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    on_line(bench, monkeypatch, d1="exo?", d2="exo?id=2&")
+    first, second = "exo get id", "exo get id --id 2"
+    for lines, last in (
+        ((first, first, second), 2),
+        ((first, second, first, second, first), 1),
+        ((first, second, first, first, second, second), 2),
+    ):
+        script = tmp_path / "script"
+        script.write_text("\n".join(lines))
+        assert run("batch", str(script), "-p", PORT).code == 0
+        met, _ = remembered(PORT)
+        assert met is not None and met.key == ("exo", last)
+
+
 def test_the_note_is_bounded_and_what_is_damaged_in_it_is_nothing() -> None:
     lock = cast(Lock, hold(PORT, "handctl exo position", family="exo"))
     last = Reached("exo", {"id": 2, "baud": 9600, "model": "dftp"})

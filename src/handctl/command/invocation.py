@@ -71,12 +71,7 @@ class Invocation:
     end: float | None
 
     def __init__(
-        self,
-        ctx: click.Context,
-        settings: Settings,
-        family: Family | None,
-        prompts: Prompts | None,
-        session: Any,
+        self, ctx: click.Context, settings: Settings, family: Family | None, prompts: Prompts | None, session: Any
     ) -> None:
         self.context = ctx
         self.settings = settings
@@ -115,8 +110,7 @@ class Invocation:
 
     def mapped(self, params: ParamMap[Any]) -> ParamMap[Any]:
         """The map of the device that is meant."""
-        own = self.family.map_of
-        return own(self.settings) if own is not None else params
+        return params if self.family.map_of is None else self.family.map_of(self.settings)
 
     def planner(self) -> Any:
         """The device without a link: can check and plan writes, cannot send."""

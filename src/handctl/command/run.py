@@ -199,14 +199,16 @@ class Run(Invocation):
         """Its words were understood and carried out before: `again` begins it once more."""
         self.before: Any = None
         """The device of the time before, if nothing was remarkable then."""
+        self.known: tuple[Any, ...] = ()
+        """What was known of its line when it ended."""
         self.after_output = ExitStack()
         """What is closed behind the last byte of output: the file of a command that runs others."""
         self.begin()
 
-    def begin(self, line: LineQuality | None = None) -> None:
-        """Nothing of it has happened yet; `line` is what is known of its line."""
+    def begin(self, before: Journal | None = None) -> None:
+        """Nothing of it has happened yet; `before` is the journal of the same reading before."""
         self.outcome = Outcome(self)
-        self.journal = Journal(self.outcome.heard if self.shows else None, self.prompts.progress, line)
+        self.journal = Journal(self.outcome.heard if self.shows else None, self.prompts.progress, before)
         self.link = self.opened = self.end = None
         self.remembered = False
         self.others: list[Run] = []
@@ -216,7 +218,7 @@ class Run(Invocation):
         """Begin once more what went well: what was understood of its words holds."""
         plain = self.outcome.failure is None and not self.journal.messages and self.settings.deadline is None
         self.before, self.checked = self.opened if plain else None, True
-        self.begin(self.journal.line)
+        self.begin(self.journal)
 
     def device(self) -> Any:
         """The device behind the link; opens it on first use. Raises UsageError, LinkError."""
@@ -429,6 +431,9 @@ class Run(Invocation):
     def end_device(self) -> HandctlError | None:
         """Let go of the link; what went wrong with the command, or else what is wrong with its table."""
         outcome, table = self.outcome, self.outcome.table
+        if self.before is not None and table and not (outcome.failure or table.failure) and self._left_as_found():
+            outcome.failure = self.connection.trace.failure
+            return outcome.failure
         failure = outcome.failure and self.with_cause_named(outcome.failure)
         if table is not None and table.failure is not None:
             table.failure = self.with_cause_named(table.failure)
@@ -442,6 +447,11 @@ class Run(Invocation):
             failure.text, failure.hint = honest(failure.text), honest(failure.hint)
         self.remember(failure)
         return failure
+
+    def _left_as_found(self) -> bool:
+        """Whether it has asked the same as before, on a link that stays open, and finds there what it has left."""
+        access, asked_again = self.connection.device_access, self.opened is self.before
+        return asked_again and access is not None and access.known == self.known and not (self.stopped or self.others)
 
     def remember(self, failure: HandctlError | None) -> None:
         """Add what was written to the history, once, now that the device has been served. Never raises."""
@@ -460,10 +470,9 @@ class Run(Invocation):
             return self.ledger.rows() if self.ledger.began else []
         access = self.connection.device_access
         sent = access.sent if access is not None and self.stopped is not None else ()
-        steps = (row for row in sent if not row["reads"])
         return [
             {"step": step, "bytes": row["bytes"], "meaning": row["meaning"], "state": SENT}
-            for step, row in enumerate(steps, 1)
+            for step, row in enumerate((row for row in sent if not row["reads"]), 1)
         ]
 
     def close(self, failure: HandctlError | None) -> HandctlError | None:
@@ -472,6 +481,7 @@ class Run(Invocation):
             failure = other.close(failure)
         if (access := self.connection.device_access) is not None and self.family.kind and self._met(failure):
             access.remember(self)
+            self.known = access.known if self.session is not None else ()
         table = self.outcome.table
         ended = failure or (table.failure if self.stops and table is not None else None)
         if self.session is not None and self.session.keeps(self.connection, ended, self):
@@ -488,8 +498,7 @@ class Run(Invocation):
 
     def closing(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The last line of NDJSON."""
-        place = self.session.place if self.session is not None else {}
-        return {**place, "end": self.envelope(failure, extra)}
+        return {**(self.session.place if self.session is not None else {}), "end": self.envelope(failure, extra)}
 
     def envelope(self, failure: HandctlError | None, extra: dict[str, Any] | None = None) -> dict[str, Any]:
         """The JSON envelope without rows (cli contract, section 4)."""

@@ -117,12 +117,12 @@ class InUse(LinkError):
 
 
 class Lock:
-    """A held lock; `release` may be called twice. `unrecorded`: why its file does not name the holder. `going`: see `remembered`."""
+    """A held lock; `release` may be called twice. `unrecorded`: why its file does not name the holder. `met`, `going`: see `remembered`."""
 
     def __init__(self, descriptor: int, path: str) -> None:
         self._descriptor = descriptor
         self._line = "\n"
-        self._met, self.going = _reached(descriptor)
+        self.met, self.going = _reached(descriptor)
         self._until = _until(descriptor)
         self.path = path
         self.unrecorded = ""
@@ -147,7 +147,7 @@ class Lock:
 
     def _write(self, descriptor: int) -> None:
         until = "\t".join(f"{one[0]}\t{one[1]}\t{end!r}" for one, end in self._until.items() if self.lasting(one))
-        met = self._met.line if self._met is not None else ""
+        met = self.met.line if self.met is not None else ""
         rest = "\n".join((met, until, *(one.line for one in self.going))).rstrip("\n")
         text = f"{self._line}{rest}\n" if rest else self._line.lstrip("\n")
         os.ftruncate(descriptor, 0)
@@ -155,7 +155,7 @@ class Lock:
 
     def remember(self, device: Reached, *, replied: bool = False) -> None:
         """A command has met this device: whoever asks after the release is told so. It `replied`: this is what reaches it now."""
-        self._met = device
+        self.met = device
         if replied:
             self.going = [device._replace(was=one.was) if one.key == device.key else one for one in self.going]
 

@@ -426,13 +426,14 @@ class Journal:
         self,
         on_message: Callable[[Message], None] | None = None,
         progress: Callable[[str], None] | None = None,
-        line: LineQuality | None = None,
+        before: Journal | None = None,
     ) -> None:
-        """`progress` shows a line that the next one replaces, while something takes its time."""
+        """`progress` shows a line that the next one replaces, while something takes its time. `before`: that of the same reading
+        on the same line before."""
         self.progress = progress or (lambda text: None)
         self.counters = Counters()
-        self.line = line or LineQuality()
-        self.ledger = Ledger()
+        self.line: LineQuality = before.line if before is not None else LineQuality()
+        self.ledger: Ledger = before.ledger if before is not None else Ledger()
         self.messages: list[Message] = []
         self.times: dict[str, int] = {}
         """Code of a warning that is counted -> how often it came."""

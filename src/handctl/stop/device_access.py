@@ -180,12 +180,14 @@ class DeviceAccess:
         for one in self._lock.going if run.journal.counters.received else ():
             pair = {one.family, met.family}
             apart = run.family.ids and one.key[1] != met.key[1]
-            if (
-                len(pair) == 2
-                and not apart
-                and not any({kind, FAMILIES[kind].beside} == pair for kind in pair & FAMILIES.keys())
-            ):
+            beside = len(pair) == 1 or any({kind, FAMILIES[kind].beside} == pair for kind in pair & FAMILIES.keys())
+            if not (apart or beside):
                 self._lock.at_rest(one)
+
+    @property
+    def known(self) -> tuple[Any, ...]:
+        """The speed of the line and what its lock says of it: a reading that left both so need not `remember` the same again."""
+        return getattr(self.link, "baud", None), *((self._lock.met, self._lock.going) if self._lock is not None else ())
 
     def moving(self, run: Invocation, to: Addressee | None, moves: bool) -> None:
         """This run has set its device going, or the one that it has written `to`, or a stop of that was acknowledged, see

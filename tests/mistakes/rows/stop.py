@@ -12,6 +12,7 @@ OTHER = "another device is stopped, and the one that is meant moves on"
 MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 SEVERAL = "tests/stop/test_several_in_motion.py::test_"
 LIBRARY = "handctl.command.library_call"
+AGAIN = "return asked_again and access is not None and "
 
 ROWS = (
     mistake(
@@ -208,6 +209,24 @@ ROWS = (
         "apart = run.family.ids and one.key[1] != met.key[1]",
         "apart = False",
         WHICH + "test_what_cannot_be_beside_a_device_that_replies_is_no_longer_there",
+    ),
+    mistake(
+        "reading-asked-again-leaves-the-device-that-was-met-in-between",
+        OTHER,
+        "handctl.command.run",
+        "Run._left_as_found",
+        AGAIN + "access.known == self.known and not (self.stopped or self.others)",
+        AGAIN + "not (self.stopped or self.others)",
+        WHICH + "test_a_reading_that_is_asked_again_notes_its_device_after_another_was_met",
+    ),
+    mistake(
+        "reading-asked-again-hides-a-stop-behind-its-last-reply",
+        "false success",
+        "handctl.command.run",
+        "Run._left_as_found",
+        AGAIN + "access.known == self.known and not (self.stopped or self.others)",
+        AGAIN + "access.known == self.known",
+        "tests/kernel/test_api.py::test_a_stop_behind_the_last_reply_of_a_reading_that_is_asked_again_ends_it",
     ),
     mistake(
         "stop-asks-a-line-that-another-user-drives",

@@ -325,7 +325,7 @@ class SerialBus(ByteBus):
             self._last.reply = (prefixes[0], frame)
             if self._rest:
                 self._look_for_second(self._last.reply, self._rest)
-        self.round_trip = self.link.now() - started
+        self.round_trip = self._last_byte - started
         # What a good exchange shows of the line.
         line, size = self.journal.line, len(came)
         if size < SHORT + len(request):
