@@ -81,7 +81,7 @@ class Call(Run):
         settings: Settings,
         family: Family | None,
         confirm: Confirm = False,
-        session: Any = None,
+        session: Session | None = None,
     ) -> None:
         super().__init__(ctx, settings, family, Caller(confirm), session)
         self.typed = io.StringIO()
