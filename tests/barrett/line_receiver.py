@@ -27,6 +27,7 @@ next edge is looked for."""
 SKEWS = (0, -10, 10)
 """Thousandths by which the two clocks differ."""
 FRAMES = [bytes((0, *(byte >> place & 1 for place in range(8)), 1)) for byte in range(256)]
+BYTES = {frame[1:-1]: byte for byte, frame in enumerate(FRAMES)}
 
 
 class Sent(NamedTuple):
@@ -65,7 +66,7 @@ def hears(
     first = burst[0][0]
     phases = min(8, first // gcd(first, SAMPLES * listens))
     lines = {_samples(burst, listens, skew, phase / phases) for skew in skews for phase in range(phases)}
-    return {_bytes(line, *rule) for line in lines for rule in RULES}
+    return {_bytes(line, levels, *rule) for line in lines for levels in [_levels(line)] for rule in RULES}
 
 
 def _samples(burst: tuple[tuple[int, bytes, int], ...], listens: int, skew: int, phase: float) -> bytes:
@@ -85,20 +86,23 @@ def _places(size: float, phase: float, digits: int) -> list[int]:
     return [int((number + phase) * size) for number in range(int((1 << digits) / size) + 1)]
 
 
-def _bytes(line: bytes, edge: int, runs_on: bool, deaf: int) -> bytes:
+def _levels(line: bytes) -> bytes:
+    """At each sample the level of most of the three that begin there, of all at once: they are the digits of a number."""
+    one = int.from_bytes(line, "little")
+    two, three = one >> 8, one >> 16
+    return (one & two | one & three | two & three).to_bytes(len(line), "little")
+
+
+def _bytes(line: bytes, levels: bytes, edge: int, runs_on: bool, deaf: int) -> bytes:
     """The bytes in samples of the line."""
     falls, out = b"\1" * edge + b"\0", bytearray()
-
-    def most(first: int) -> bool:
-        return line[first] + line[first + 1] + line[first + 2] >= 2
-
     start = line.find(falls) + edge
     while edge <= start <= len(line) - SAMPLES * 10:
         place = start + deaf - edge  # behind a glitch
         if line[start + 2] + line[start + 4] + line[start + 6] < 2:
-            byte = sum(most(start + SAMPLES * bit + 7) << bit - 1 for bit in range(1, 9))
+            byte = BYTES[levels[start + SAMPLES + 7 : start + SAMPLES * 8 + 8 : SAMPLES]]
             out.append(byte)
-            if runs_on and byte and not most(start + SAMPLES * 9 + 7) and not line[start + SAMPLES * 10]:
+            if runs_on and byte and not levels[start + SAMPLES * 9 + 7] and not line[start + SAMPLES * 10]:
                 start += SAMPLES * 10
                 continue
             place = start + SAMPLES * 9 + 9

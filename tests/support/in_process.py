@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 from handctl.system import clock
@@ -55,7 +56,10 @@ def _audit(event: str, _args: tuple[Any, ...]) -> None:
         _WATCH.refuse(REFUSED[event])
 
 
-sys.addaudithook(_audit)
+@cache
+def _listen() -> None:
+    """From the first test on: collecting opens thousands of files, and no hook can be taken away again."""
+    sys.addaudithook(_audit)
 
 
 def _no_sleep(seconds: float) -> None:
@@ -74,6 +78,7 @@ def _no_disk(_descriptor: object) -> None:
 @contextmanager
 def in_process() -> Iterator[None]:
     """Refuse the outside world for one test. Raises OutsideWorld at the end, too, where something was tried and swallowed."""
+    _listen()
     _WATCH.tried = tried = []
     try:
         with swapped(

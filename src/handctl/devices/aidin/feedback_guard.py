@@ -151,7 +151,7 @@ class FeedbackGuard:
         before = self._last.get(param.key)
         if before is None or before == now:
             return
-        if param.angles and any(abs(number) > LARGEST_RADIAN for number in (*before, *now)):
+        if param.angles and max(map(abs, (*before, *now))) > LARGEST_RADIAN:
             return  # no radians: whoever reads them says so
         begun, count = self._begun[param.key]
         since = at - self._at[param.key]
@@ -159,10 +159,8 @@ class FeedbackGuard:
         fastest = FASTEST_TO_0 if param.key == MOTOR_POS and not any(now) else FASTEST
         most = fastest * (max(since, usual) + JITTER)
         unit, sizes = (degrees(1.0) if param.angles else 1.0), RANGES[param.key]
-        near = [
-            abs(new - old) * unit < most * size - ROUNDED for old, new, size in zip(before, now, sizes, strict=True)
-        ]
-        if all(near):
+        places = zip(before, now, sizes, strict=True)
+        if all(old == new or abs(new - old) * unit < most * size - ROUNDED for old, new, size in places):
             return  # as nearly always, and each object of each movement passes here
         ends = zip(map(param.from_wire, before), map(param.from_wire, now), sizes, strict=True)
         leaps = [

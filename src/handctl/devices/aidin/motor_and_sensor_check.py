@@ -579,10 +579,10 @@ class _Mover:
                 raise self._astray(
                     named(MOTORS, [index], encoders), "is further from its start than this check moves it"
                 )
-        if any(abs(joint) > LARGEST_RADIAN for joint in (*joints, *self._joints)):
+        if max(map(abs, (*joints, *self._joints))) > LARGEST_RADIAN:
             return  # no angles in radians, so nothing is known of them
         for index, (one, other, most) in enumerate(zip(joints, self._joints, self._turns, strict=True)):
-            if abs(degrees(one - other)) > most:
+            if one != other and abs(degrees(one - other)) > most:
                 angles = [degrees(joint) for joint in joints]
                 raise self._astray(named(JOINTS, [index], angles), "turned further than this check moves it")
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
+from functools import cache
 from math import degrees, inf, nextafter, radians
 from typing import Any
 
@@ -215,6 +216,7 @@ STILL = 0.001
 """Share of a stroke that a motor may change from one look to the next and still stand."""
 
 
+@cache
 def stroke(index: int) -> float:
     """The counts of a motor from open to closed."""
     limit = MOTOR_POS.limit(index)
