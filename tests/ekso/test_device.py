@@ -161,7 +161,7 @@ def test_an_impossible_clock_is_shown_and_noted() -> None:
     unit = Unit()
     unit.on = {TIME: lambda msg_id, _: [(0.001, frame(TIME, msg_id, bytes([24, 60, 5])))]}
     ekso = ekso_on(unit)
-    assert ekso.clock_row("time")["value"] == "24:60:05"
+    assert ekso.shown("time").rows[0]["value"] == "24:60:05"
     assert "hour 24, minute 60" in ekso.journal.messages[0].text
 
 

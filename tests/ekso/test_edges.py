@@ -109,7 +109,7 @@ def test_a_clock_just_in_and_just_out_of_range(what: str, body: tuple[int, ...],
     command = DATE if what == "date" else TIME
     unit.on = {command: lambda msg_id, _body: [(0.001, frame(command, msg_id, bytes(body)))]}
     ekso = ekso_on(unit)
-    ekso.clock_row(what)
+    ekso.shown(what)
     assert codes(ekso.journal) == (["clock"] if wrong else [])
     assert [message.text.rpartition(": ")[2] for message in ekso.journal.messages] == ([wrong] if wrong else [])
 

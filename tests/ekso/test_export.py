@@ -8,13 +8,14 @@ import json
 import math
 import random
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from handctl.devices.ekso import log_reader
-from handctl.devices.ekso.export_opensim import motion, table
+from handctl.devices.ekso.export_opensim import Exported, motion, table
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.parameter_map import DATA
 from handctl.errors import UsageError
@@ -22,8 +23,16 @@ from tests.ekso.recordings import STANDING, Device, make, opened
 from tests.support.each_row import each_row
 
 
+def text_of(export: Exported) -> str:
+    return "".join(export.spool.blocks())
+
+
+def rows_of(export: Exported) -> list[dict[str, Any]]:
+    return [json.loads(line) for line in text_of(export).split("\n")[:-1]]
+
+
 def exported_mot(path: Path, segment: int | None = None, knee_sign: int = 1, rate: float | None = None) -> str:
-    return motion(LogFile(str(path)), segment=segment, knee_sign=knee_sign, rate=rate, tool="handctl 1").text
+    return text_of(motion(LogFile(str(path)), segment=segment, knee_sign=knee_sign, rate=rate, tool="handctl 1"))
 
 
 def parsed_mot(text: str) -> tuple[dict[str, str], list[str], list[list[float]]]:
@@ -80,13 +89,13 @@ def test_segments_are_never_mixed(tmp_path: Path) -> None:
         exported_mot(path, 3)
     with pytest.raises(UsageError, match="no segment 3"):
         table(LogFile(str(path)), segment=3, si=False)
-    assert [row["segment"] for row in parsed_csv(table(LogFile(str(path)), segment=2, si=False).text)] == ["2", "2"]
+    assert [row["segment"] for row in parsed_csv(text_of(table(LogFile(str(path)), segment=2, si=False)))] == ["2", "2"]
 
 
 def test_rows_at_a_standstill_are_left_out_and_told(tmp_path: Path) -> None:
     path = make(tmp_path / "a.csv", [1001, 1001, 1021])
     found = motion(LogFile(str(path)), segment=None, knee_sign=1, rate=None, tool="x", as_rows=True)
-    assert [row["time"] for row in found.rows] == [0.0, 0.02]
+    assert [row["time"] for row in rows_of(found)] == [0.0, 0.02]
     assert found.remarks == ("1 row left out: BootTime did not advance",)
 
 
@@ -122,9 +131,9 @@ def test_raw_to_log_to_export_is_exact(
     words = data.draw(st.lists(st.lists(st.integers(0, 0xFFFF), min_size=25, max_size=25), min_size=1, max_size=5))
     boots = [1 + 20 * i for i in range(len(words))]
     path = make(tmp_path_factory.mktemp("log") / "a.csv", boots, words, raw=raw, mark='a, "b"')
-    plain = parsed_csv(table(LogFile(str(path)), segment=None, si=False).text)
-    assert table(LogFile(str(path)), segment=None, si=False).text.encode() == path.read_bytes()
-    si = parsed_csv(table(LogFile(str(path)), segment=None, si=True).text)
+    plain = parsed_csv(text_of(table(LogFile(str(path)), segment=None, si=False)))
+    assert text_of(table(LogFile(str(path)), segment=None, si=False)).encode() == path.read_bytes()
+    si = parsed_csv(text_of(table(LogFile(str(path)), segment=None, si=True)))
     mot = parsed_mot(exported_mot(path))[2]
     for row, metric, motion_row, sent, boot in zip(plain, si, mot, words, boots, strict=True):
         assert row["boot_ms"] == str(boot)
@@ -141,7 +150,7 @@ def test_raw_to_log_to_export_is_exact(
 
 def test_si_renames_what_it_converts(tmp_path: Path) -> None:
     path = make(tmp_path / "a.csv", [1001])
-    (row,) = parsed_csv(table(LogFile(str(path)), segment=None, si=True).text)
+    (row,) = parsed_csv(text_of(table(LogFile(str(path)), segment=None, si=True)))
     assert {k: v for k, v in row.items() if k.startswith(("torso_pitch", "right_hip", "state", "weight"))} == {
         "torso_pitch_rad": "0.07853982",
         "right_hip_x_m": "-0.12446",
@@ -158,7 +167,7 @@ def test_si_renames_what_it_converts(tmp_path: Path) -> None:
 
 def test_rows_for_json_are_numbers(tmp_path: Path) -> None:
     path = make(tmp_path / "a.csv", [1001], mark="go")
-    (row,) = table(LogFile(str(path)), segment=None, si=False, as_rows=True).rows
+    (row,) = rows_of(table(LogFile(str(path)), segment=None, si=False, as_rows=True))
     assert (row["boot_ms"], row["torso_roll_deg"], row["mark"]) == (1001, -0.75, "go")
     assert json.dumps(row)
 
@@ -292,7 +301,7 @@ def test_ordinary_rows_are_checked_by_column(tmp_path: Path, monkeypatch: pytest
     path = make(tmp_path / "a.csv", range(1001, 1121, 20), moving, raw=True)
     assert b'"standing, moving (0x2440)"' in path.read_bytes()
     monkeypatch.setattr(LogFile, "_slowly", lambda *_: pytest.fail("checked one by one"))
-    assert table(LogFile(str(path)), segment=None, si=False).text.encode() == path.read_bytes()
+    assert text_of(table(LogFile(str(path)), segment=None, si=False)).encode() == path.read_bytes()
 
 
 @each_row("size", [1, 300, 701, 5000])
@@ -300,7 +309,7 @@ def test_rows_are_the_same_however_the_file_is_read(tmp_path: Path, size: int, m
     path = make(tmp_path / "a.csv", [1001, 1021, 1021, 1041, 301, 331], raw=True, mark='a, "b"')
     monkeypatch.setattr(log_reader, "CHUNK", size)
     monkeypatch.setattr(log_reader.log_reader, "MOST_KNOWN", 2)
-    assert table(LogFile(str(path)), segment=None, si=False).text.encode() == path.read_bytes()
+    assert text_of(table(LogFile(str(path)), segment=None, si=False)).encode() == path.read_bytes()
     assert [row[0] for row in parsed_mot(exported_mot(path, 1))[2]] == [0, 0.02, 0.04]
     path.write_bytes(path.read_bytes().replace(b",0.040,1,", b",0.010,1,"))
     assert refusal(path).text.startswith(f"{path} line 5: segment or t_s does not follow")

@@ -59,7 +59,7 @@ def ask(port: DataPort, host: str) -> str:
     if word in MESSAGES:
         return " ".join(map(str, Ekso(port).words(word)))
     if word in ("time", "date"):
-        return str(Ekso(port).clock_row(word)["value"])
+        return str(Ekso(port).shown(word).rows[0]["value"])
     if word == "cancel":
         return str(port.exchange(Command.CANCEL_ACTION, cancel_body(int(rest, 0))).words[0] & 0xFFFF)
     ((element, value),) = EKSO.assignments([rest])

@@ -15,7 +15,7 @@ from handctl.command import terminal_prompts
 from handctl.devices.ekso import stillness, write_checks, write_policy
 from handctl.devices.ekso.audit_log import AuditLog
 from handctl.devices.ekso.parameter_map import DRIVEN, SETTINGS
-from handctl.model.device_clock import WITHIN_MS
+from handctl.model.device_clock import WITHIN_MS, Span
 from tests.ekso.commands import ME
 from tests.support.cli import Result, run, sent
 from tests.support.each_row import each_row
@@ -214,7 +214,8 @@ def test_a_gate_that_is_asked_twice_is_one_gate() -> None:
         write_checks.RESTARTED,
         write_checks.INTENT,
     )
-    assert write_checks.at(write_checks.LOOK) + write_checks.at(write_checks.LOOKS) == tuple(stillness.STILL)
+    assert write_checks.at(write_checks.LOOK) == tuple(stillness._look(0, ()))
+    assert write_checks.at(write_checks.LOOKS) == tuple(stillness._between([0] * 27, [0] * 27, Span(0, 0)))
     looks = [
         write_checks.GATES[name] for name in write_checks.at(write_checks.LOOK) + write_checks.at(write_checks.LOOKS)
     ]

@@ -123,7 +123,7 @@ class AuditLog:
     def unfinished(self) -> dict[str, Any] | None:
         """The intent at the end of the log: a write without a result. None if there is none."""
         try:
-            lines = self.tail()
+            lines, _ = self.tail()
         except OutputError:
             return None  # no log, or none that can be read: `check` tells
         for line in reversed(lines):
@@ -133,22 +133,19 @@ class AuditLog:
                     return entry if entry["event"] == "intent" else None
         return None
 
-    def tail(self) -> list[bytes]:
-        """The last lines, whole but perhaps the last; none where there is no log. Raises OutputError."""
+    def tail(self) -> tuple[list[bytes], bool]:
+        """The last lines, whole but perhaps the last, and whether there are others before them; none where there is no log. Raises OutputError."""
         if not self.path.is_file():  # reading a device or a pipe might never end
-            return []
+            return [], False
         with self._opened() as file:
-            return _tail(file)[0]
+            return _tail(file)
 
     def checked(self, *, whole: bool = False) -> Checked:
         """Its chain: of the last lines, or with `whole` of all of them. Raises OutputError, UsageError."""
         if whole:
             with opened(self.path, "an audit log") as content:
                 return check(iter(lambda: content.readline(TAIL), b""))
-        if not self.path.is_file():
-            return check([])
-        with self._opened() as file:
-            lines, cut = _tail(file)
+        lines, cut = self.tail()
         return check(lines, whole=not cut)
 
     def changed_at(self) -> float:
@@ -484,7 +481,7 @@ def _recent(audit: AuditLog, now: float) -> list[Past]:
 def _entries(audit: AuditLog) -> Iterator[dict[str, Any]]:
     """Intents and results from the last to the first that the tail of the log holds whole."""
     unfit = {finding.line for finding in audit.checked().findings}
-    for line in reversed(audit.tail()):
+    for line in reversed(audit.tail()[0]):
         if not line.strip() or _half(line):
             continue
         try:

@@ -280,7 +280,7 @@ class Ekso(Device):
         if message in MESSAGES:
             return self.table(self.readings(message))
         columns = (Column("value", message.capitalize()),)
-        return Table(rows=[self.clock_row(message)], columns=columns, plain=("value",))
+        return Table(rows=[self.row(*self.readings(message))], columns=columns, plain=("value",))
 
     def told(self, clock: Clock) -> Reading:
         """GetTime or GetDate."""
@@ -293,10 +293,6 @@ class Ekso(Device):
             text = f"{self.link.name}: the device's {clock.name} is impossible: {', '.join(wrong)}"
             self.journal.warn("clock", text)
         return Reading(clock.each[0], int.from_bytes(body[:3], "big"), body)
-
-    def clock_row(self, what: str) -> Row:
-        """GetTime or GetDate as one row, ``14:05:37`` or ``2026-11-20``; the raw integer has its bytes."""
-        return self.row(*self.readings(what))
 
     def _clocks(self) -> list[Reading]:
         """Date and time that belong together: the date is read before and after the time (two messages)."""

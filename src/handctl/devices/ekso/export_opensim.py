@@ -51,16 +51,6 @@ class Exported(NamedTuple):
     seconds: float
     remarks: tuple[str, ...]
 
-    @property
-    def text(self) -> str:
-        """The file's text, all of it."""
-        return "".join(self.spool.blocks())
-
-    @property
-    def rows(self) -> list[dict[str, Any]]:
-        """The rows, all of them, where they were made `as_rows`."""
-        return [json.loads(line) for line in self.text.split("\n")[:-1]]
-
 
 class Points:
     """The moments of a motion, 28 bytes each: ms from the first row, and the coordinates in hundredths of a degree."""

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequen
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, chain, pairwise, zip_longest
 from math import sqrt
-from typing import NamedTuple, overload
+from typing import NamedTuple
 
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.parameter_map import DATA
@@ -71,7 +71,7 @@ class Stretch(NamedTuple):
 
     number: int
     t: MutableSequence[float]
-    signals: Mapping[str, Sequence[float]]
+    signals: Mapping[str, MutableSequence[float]]
     gaps: Sequence[int] = ()
 
     def at(self, moment: float) -> int:
@@ -139,6 +139,14 @@ class Walk:
         """The steps that count."""
         return [step for step in self.steps if not step.refused]
 
+    @property
+    def verdicts(self) -> list[tuple[str, str, int]]:
+        """What became of its strides, why, "" = nothing is wrong with them, and how many there are of each."""
+        refused = Counter(step.refused for step in self.steps if step.refused)
+        doubts = Counter(step.doubt for step in self.taken if step.doubt)
+        found = [("counted", "", len(self.taken)), *(("not counted", why, number) for why, number in refused.items())]
+        return [*found, *(("doubtful", why, number) for why, number in doubts.items())]
+
 
 SIGNALS = tuple(f"{side}_{name}" for side in SIDES for name in (*SENSORS, "knee", "hip"))
 COLUMNS = {
@@ -146,49 +154,25 @@ COLUMNS = {
 }  # fmt: skip
 
 
-class Scaled(Sequence[float]):
-    """Numbers with decimals, kept as integers of the last one: a log of hours stays small."""
-
-    def __init__(self, scale: int) -> None:
-        self.integers = array("i")
-        self._scale = scale
-
-    def __len__(self) -> int:
-        return len(self.integers)
-
-    @overload
-    def __getitem__(self, at: int) -> float: ...
-    @overload
-    def __getitem__(self, at: slice) -> list[float]: ...
-    def __getitem__(self, at: int | slice) -> float | list[float]:
-        if isinstance(at, slice):
-            return [one / self._scale for one in self.integers[at]]
-        return self.integers[at] / self._scale
-
-
 def stretches(log: LogFile) -> list[Stretch]:
     """The segments of a log. Raises UsageError with the line of a row that is none."""
     quantities = {name: next(q for q in DATA if column_of(q) == column) for name, column in COLUMNS.items()}
-    found: dict[int, tuple[array[float], dict[str, array[int]]]] = {}
-    made: list[Stretch] = []
+    found: dict[int, Stretch] = {}
     reading = Surveyor(log, log.fits)
     for block in log.blocks(as_written):
         parts = {number: block.of(number) for number in sorted(set(block.segments))}
         reading.take(parts)
         for number, part in parts.items():
-            if number not in found:
-                scaled = {name: Scaled(10**quantity.decimals) for name, quantity in quantities.items()}
-                found[number] = array("d"), {name: one.integers for name, one in scaled.items()}
-                whole = {name: one if quantities[name].decimals else one.integers for name, one in scaled.items()}
-                made.append(Stretch(number, found[number][0], whole))
-            t, signals = found[number]
-            t.extend(t_ms / 1000 for t_ms in part.t_ms)
+            one = found.setdefault(number, Stretch(number, array("d"), {name: array("d") for name in quantities}))
+            one.t.extend(t_ms / 1000 for t_ms in part.t_ms)
             for name, quantity in quantities.items():
-                signals[name].extend(log.numbers(quantity).of(part.columns[COLUMNS[name]]))
-    for at, one in enumerate(made):
+                scale = 10**quantity.decimals
+                one.signals[name].extend(n / scale for n in log.numbers(quantity).of(part.columns[COLUMNS[name]]))
+    made = []
+    for one in found.values():
         first = reading.found.segments[one.number].first_row
         rows = range(first, first + len(one.t))
-        made[at] = one._replace(gaps=[row - first for row in reading.found.gap_rows if row in rows])
+        made.append(one._replace(gaps=[row - first for row in reading.found.gap_rows if row in rows]))
     return made
 
 

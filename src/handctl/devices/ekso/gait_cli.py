@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-from collections import Counter
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -99,11 +98,10 @@ def _figure(one: Figure) -> Row:
 
 def _counts(walk: Walk) -> list[Row]:
     """How many strides count, how many do not and why, and how many are doubtful."""
-    refused = Counter(step.refused for step in walk.steps if step.refused)
-    doubts = Counter(step.doubt for step in walk.taken if step.doubt)
-    said = [("counted", len(walk.taken)), *((f"not counted: {why}", number) for why, number in refused.items())]
-    said += [(f"doubtful: {why}", number) for why, number in doubts.items()]
-    return [{"name": "strides", "side": "both", "value": number, "unit": what} for what, number in said]
+    return [
+        {"name": "strides", "side": "both", "value": number, "unit": f"{what}: {why}" if why else what}
+        for what, why, number in walk.verdicts
+    ]
 
 
 def _tell(run: Run, path: str, source: LogFile, walk: Walk) -> None:

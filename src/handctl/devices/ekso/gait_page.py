@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from math import floor, log10
 from typing import Any, NamedTuple
@@ -83,12 +82,10 @@ def _about(one: Recording) -> str:
     begin, end = _span(walk)
     began = ((one.log.sidecar or {}).get("start") or {}).get("utc") or ""
     told = [os.path.basename(one.log.path), str(began), f"{end - begin:.1f} s", plural(rows, "row")]
-    told.append(f"{plural(len(walk.taken), 'stride')} counted")
     told += [
-        f"{number} not counted ({why})"
-        for why, number in Counter(step.refused for step in walk.steps if step.refused).items()
+        f"{number} {what} ({why})" if why else f"{plural(number, 'stride')} {what}"
+        for what, why, number in walk.verdicts
     ]
-    told += [f"{number} doubtful ({why})" for why, number in Counter(s.doubt for s in walk.taken if s.doubt).items()]
     return ", ".join(filter(None, told))
 
 
@@ -97,26 +94,25 @@ def _span(walk: Walk) -> tuple[float, float]:
     return (min(t[0] for t in known), max(t[-1] for t in known)) if known else (0.0, 0.0)
 
 
+def _by_feet(found: Sequence[Recording], title: str) -> Iterator[tuple[str, list[tuple[str, Walk, str]]]]:
+    """The title of each picture of what the feet do, and (name, walk, side) in it: of one log both feet, of two each foot."""
+    if len(found) == 1:
+        yield title, [(side, found[0].walk, side) for side in SIDES]
+        return
+    for side in SIDES:
+        yield f"{side.capitalize()} {title.lower()}", [(one.name, one.walk, side) for one in found]
+
+
 def _curves(found: Sequence[Recording]) -> Iterator[str]:
     for signal, title in CURVES:
-        if len(found) == 1:
-            yield bands(title, [Band(side, curve(found[0].walk, side, signal)) for side in SIDES])
-            continue
-        for side in SIDES:
-            yield bands(
-                f"{side.capitalize()} {title.lower()}", [Band(one.name, curve(one.walk, side, signal)) for one in found]
-            )
+        for head, members in _by_feet(found, title):
+            yield bands(head, [Band(name, curve(walk, side, signal)) for name, walk, side in members])
 
 
 def _times(found: Sequence[Recording]) -> Iterator[str]:
-    def group(one: Recording, side: str) -> list[float]:
-        return [step.duration for step in one.walk.taken if step.side == side]
-
-    if len(found) == 1:
-        yield histogram("Stride time", "s", [(side, group(found[0], side)) for side in SIDES], 0.02)
-        return
-    for side in SIDES:
-        yield histogram(f"{side.capitalize()} stride time", "s", [(one.name, group(one, side)) for one in found], 0.02)
+    for head, members in _by_feet(found, "Stride time"):
+        groups = [(name, [one.duration for one in walk.taken if one.side == side]) for name, walk, side in members]
+        yield histogram(head, "s", groups, 0.02)
 
 
 def _refused(one: Recording, reasons: Sequence[str]) -> Iterator[str]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.parameter_map import DATA, DRIVEN, SITTING, STANDING, Word, boot_ms, state_text
@@ -14,58 +13,37 @@ STATE = 18
 JOINTS = tuple(param for param in DATA if param.name.endswith(("hip_angle", "knee_angle")))
 
 
-class StillnessCheck(NamedTuple):
-    """Two looks: State of the one that is judged, the settings that are written only while sitting, the words of both, and
-    the ms of BootTime and those of ours between them."""
-
-    state: int
-    sitting: Sequence[Word]
-    first: Sequence[int]
-    second: Sequence[int]
-    passed: int
-    span: Span
-
-
-def _posture(seen: StillnessCheck) -> str | None:
-    if seen.state >> 12 in (SITTING, STANDING):
-        return None
-    return f"the posture is {state_text(seen.state)}, neither sitting nor standing"
+def _look(state: int, sitting: Sequence[Word]) -> Mapping[str, str]:
+    """Gate -> what of one look speaks against a wearer who keeps still, "" = nothing."""
+    posture, shown = state >> 12, state_text(state)
+    names = ", ".join(param.name for param in sitting)
+    return {
+        write_checks.POSTURE: ""
+        if posture in (SITTING, STANDING)
+        else f"the posture is {shown}, neither sitting nor standing",
+        write_checks.DRIVEN: f"the joints are being driven: {shown}" if state & DRIVEN else "",
+        write_checks.SEATED: f"{names}: only while sitting, but the state is {shown}"
+        if sitting and posture != SITTING
+        else "",
+    }
 
 
-def _driven(seen: StillnessCheck) -> str | None:
-    return f"the joints are being driven: {state_text(seen.state)}" if seen.state & DRIVEN else None
-
-
-def _seated(seen: StillnessCheck) -> str | None:
-    if not seen.sitting or seen.state >> 12 == SITTING:
-        return None
-    names = ", ".join(param.name for param in seen.sitting)
-    return f"{names}: only while sitting, but the state is {state_text(seen.state)}"
-
-
-def _reboot(seen: StillnessCheck) -> str | None:
-    return "BootTime went back: the device has restarted" if seen.passed >= 2**31 else None
-
-
-def _fresh(seen: StillnessCheck) -> str | None:
-    if seen.span.fits(seen.passed):
-        return None
-    return f"BootTime advanced by {seen.passed} ms in {seen.span}: the values are not fresh"
-
-
-def _speed(seen: StillnessCheck) -> str | None:
+def _between(first: Sequence[int], second: Sequence[int], span: Span) -> Mapping[str, str]:
+    """The same of both looks together."""
+    passed = (boot_ms(second) - boot_ms(first)) % 2**32
+    fast = ""
     for param in JOINTS:
-        turned = abs(param.raw_of(seen.second[param.word]) - param.raw_of(seen.first[param.word])) / 100
-        speed = turned / (seen.passed / 1000 or 1e-3)
-        if speed >= MOST_SPEED:
-            return f"{param.name} moves at {speed:.1f} deg/s"
-    return None
-
-
-STILL: Mapping[str, Callable[[StillnessCheck], str | None]] = {
-    write_checks.POSTURE: _posture, write_checks.DRIVEN: _driven, write_checks.SEATED: _seated,
-    write_checks.REBOOT: _reboot, write_checks.FRESH: _fresh, write_checks.SPEED: _speed,
-}  # fmt: skip
+        turned = abs(param.raw_of(second[param.word]) - param.raw_of(first[param.word])) / 100
+        speed = turned / (passed / 1000 or 1e-3)
+        if speed >= MOST_SPEED and not fast:
+            fast = f"{param.name} moves at {speed:.1f} deg/s"
+    return {
+        write_checks.REBOOT: "BootTime went back: the device has restarted" if passed >= 2**31 else "",
+        write_checks.FRESH: ""
+        if span.fits(passed)
+        else f"BootTime advanced by {passed} ms in {span}: the values are not fresh",
+        write_checks.SPEED: fast,
+    }
 
 
 def moving(first: Sequence[int], second: Sequence[int], span: Span, sitting: Sequence[Word] = ()) -> str | None:
@@ -73,8 +51,8 @@ def moving(first: Sequence[int], second: Sequence[int], span: Span, sitting: Seq
 
     `sitting` are settings that are written only while sitting.
     """
-    passed = (boot_ms(second) - boot_ms(first)) % 2**32
-    looks = [StillnessCheck(words[STATE] & 0xFFFF, sitting, first, second, passed, span) for words in (first, second)]
-    found = [STILL[gate](look) for look in looks for gate in write_checks.at(write_checks.LOOK)]
-    found += [] if any(found) else [STILL[gate](looks[0]) for gate in write_checks.at(write_checks.LOOKS)]
+    looks = [_look(words[STATE] & 0xFFFF, sitting) for words in (first, second)]
+    found = [look[gate] for look in looks for gate in write_checks.at(write_checks.LOOK)]
+    between = _between(first, second, span)
+    found += [between[gate] for gate in write_checks.at(write_checks.LOOKS)]
     return next(filter(None, found), None)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from handctl.command import get_set_watch
-from handctl.command.options import OutFile
+from handctl.command.options import REPLY_WAIT, OutFile, combined_options
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire.register_map import address_in
 from handctl.errors import HandctlError, Hint, UsageError
@@ -23,17 +23,24 @@ from handctl.model.result import Table
 if TYPE_CHECKING:
     from handctl.devices.inspire.register_device import RegisterDevice
 
-SAVE_TOO = click.option(
-    "--save",
-    "save_too",
-    is_flag=True,
-    help="Then save to flash. The new baud rate takes effect only after a save and a power-cycle.",
+RATE = combined_options(
+    click.argument("rate", required=False, type=int),
+    click.option(
+        "--save",
+        "save_too",
+        is_flag=True,
+        help="Then save to flash. The new baud rate takes effect only after a save and a power-cycle.",
+    ),
+    click.option(
+        "--verify",
+        is_flag=True,
+        help="Wait up to 120 s for the power-cycle, then check that the hand replies at the new baud rate.",
+    ),
 )
-VERIFY = click.option(
-    "--verify",
-    is_flag=True,
-    help="Wait up to 120 s for the power-cycle, then check that the hand replies at the new baud rate.",
-)
+SPAN = combined_options(click.argument("address"), click.argument("count", type=int))
+BYTES = combined_options(click.argument("address"), click.argument("data", metavar="HEX"))
+FRAME = combined_options(click.argument("data", nargs=-1, required=True, metavar="HEX..."), REPLY_WAIT)
+"""Of `read`, `write` and `raw`."""
 UNDOCUMENTED = click.option("--undocumented", is_flag=True, help="Allow an address that is not in the manual.")
 
 

@@ -174,17 +174,16 @@ class Decoder(Stream[Frame]):
     Only frames that begin with one of `prefixes` (header, id, length, flag, and the address where there is one) are
     candidates, at every offset; a candidate counts only if its sum fits. One that fails costs its first byte, never
     the buffer, so an answer behind a false header, an echo or a stale reply is still found. With no `prefixes`, any
-    frame of either direction is a candidate (for sniffing).
+    frame of either direction is a candidate (for sniffing). With `of_any_id` they are those of id 1, and stand for each id.
 
     `rejected` is the last candidate with a wrong sum.
     """
 
-    def __init__(self, prefixes: Sequence[bytes] = ()) -> None:
+    def __init__(self, prefixes: Sequence[bytes] = (), *, of_any_id: bool = False) -> None:
         known = tuple(prefixes) or (HOST, DEVICE)
         self._first = known[0] if len(known[0]) >= OVERHEAD else None  # its length is in it
         super().__init__()
-        self._few = known
-        self._many = _Known.of(known) if len(known) > FEW else None
+        self._known, self._of_any_id = known, of_any_id
         self.rejected = b""
 
     def next(self) -> Frame | None:
@@ -213,42 +212,19 @@ class Decoder(Stream[Frame]):
         return Frame(frame[:2], frame[2], frame[4], frame[5:-1])
 
     def _candidate(self) -> int:
-        """Offset of the first place where one of the prefixes stands, or begins at the end; len(buffer) if there is none.
-
-        One pass, however many prefixes there are: a scan waits for the answers of 254 ids at once.
-        """
-        buffer, few, many, place = self._buffer, self._few, self._many, 0
+        """Offset of the first place where one of the prefixes stands, or begins at the end; len(buffer) if there is none."""
+        buffer, known, place = self._buffer, self._known, 0
         while found := _HEAD.search(buffer, place):
             place = found.start()
             if place + 3 >= len(buffer) or buffer[place + 3] >= MIN_LENGTH:
                 tail = bytes(buffer[place : place + LONGEST_PREFIX])
                 ends = place + len(tail) == len(buffer)
-                if many is None:
-                    if tail.startswith(few) or (ends and any(one.startswith(tail) for one in few)):
-                        return place
-                elif any(tail[:size] in many.whole for size in many.sizes) or (ends and tail in many.beginnings):
+                if self._of_any_id and len(tail) > 2 and tail[2] in IDS:
+                    tail = tail[:2] + bytes([IDS[0]]) + tail[3:]
+                if tail.startswith(known) or (ends and any(one.startswith(tail) for one in known)):
                     return place
             place += 1
         return len(buffer)
-
-
-FEW = 8
-"""Up to so many prefixes are compared one by one."""
-
-
-class _Known(NamedTuple):
-    """The prefixes to look one up in: a scan has thousands, and looks at each byte of noise."""
-
-    whole: frozenset[bytes]
-    sizes: tuple[int, ...]
-    beginnings: frozenset[bytes]
-
-    @staticmethod
-    @lru_cache(maxsize=32)
-    def of(prefixes: tuple[bytes, ...]) -> _Known:
-        sizes = tuple({len(prefix) for prefix in prefixes})
-        beginnings = (prefix[:size] for prefix in prefixes for size in range(1, len(prefix) + 1))
-        return _Known(frozenset(prefixes), sizes, frozenset(beginnings))
 
 
 # -- whose bytes are these ------------------------------------------------------------------------------------------

@@ -16,10 +16,10 @@ id, and its sum tells it from an echo, a late one of another protocol, and noise
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import cache
 from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
@@ -60,14 +60,7 @@ class Findings:
     came: bytes = b""
     cut: bool = False
     probes: int = 0
-    seconds: float = 0.0
     single: float | None = None
-
-
-@cache
-def _prefixes(spans: tuple[Span, ...], flag: int) -> tuple[bytes, ...]:
-    """With what the answers of all ids begin."""
-    return tuple(eb90.read_reply_prefix(i, *span, flag) for i in eb90.IDS for span in spans)
 
 
 class Requester:
@@ -78,8 +71,9 @@ class Requester:
         self._wait = wait
         self._firsts = {*READS[bus.read_flag], probe}
         self._younger = (*FRESH[bus.read_flag], *FRESH_SHORT[bus.read_flag])
-        self._prefixes = _prefixes((*sorted(self._firsts), *self._younger), bus.read_flag)
-        self._decoder = Decoder(self._prefixes)
+        spans = (*sorted(self._firsts), *self._younger)
+        self._prefixes = [eb90.read_reply_prefix(eb90.IDS[0], *span, bus.read_flag) for span in spans]
+        self._decoder = Decoder(self._prefixes, of_any_id=True)
         self._turn = 0
         self._short = set[int]()  # ids that answer `FRESH_SHORT`, and not `FRESH`
         self._lately = b""  # what was sent: an echo may be as late as an answer
@@ -91,7 +85,7 @@ class Requester:
     def _set_speed(self, speed: int | None) -> None:
         if speed is not None and self._bus.link.can_set_baud:
             self._bus.link.set_baud(speed)
-        self._decoder = Decoder(self._prefixes)
+        self._decoder = Decoder(self._prefixes, of_any_id=True)
         self._bus.drain()
 
     def _patience(self, otherwise: float) -> float:
@@ -338,14 +332,13 @@ class Scanner(Requester):
     def run(self, ids: Sequence[int], speeds: Sequence[int | None]) -> Findings:
         """Scan `ids` at each of `speeds` (None = the link has no speed). The first hit ends it unless all are wanted."""
         link = self._bus.link
-        started, first = link.now(), link.baud
+        first = link.baud
         try:
             self._all(ids, speeds)
         finally:
             self._guide.done()
             if first is not None and link.can_set_baud:
                 link.set_baud(first)
-        self.found.seconds = link.now() - started
         return self.found
 
     def _all(self, ids: Sequence[int], speeds: Sequence[int | None]) -> None:
@@ -772,9 +765,9 @@ class CanSearch:
 
 PLACE, WORDS = 1546, 2
 """Angles of two fingers (rh56 §3.1), or what an RH56F1 has there: whatever is read shows who answers."""
-QUESTION, ANSWER, REFUSAL = 8, 5 + 2 * WORDS, 5
-HEAD = bytes([modbus_frames.READ, 2 * WORDS])
-REFUSED = bytes([modbus_frames.READ | modbus_frames.FAILED])
+QUESTION, ANSWER = 8, 5 + 2 * WORDS
+ANSWERS = re.compile(rb".%c%c.{%d}" % (modbus_frames.READ, 2 * WORDS, ANSWER - 3), re.DOTALL)
+REFUSALS = re.compile(rb"(?=(.\x%x.{3}))" % (modbus_frames.READ | modbus_frames.FAILED), re.DOTALL)
 KEPT = 64
 
 
@@ -836,30 +829,26 @@ class RtuSearch:
 
     def _take(self) -> None:
         """Whole answers to questions that were asked here, wherever they begin."""
-        place = self._came.find(HEAD)
-        while place >= 0:
-            frame = self._came[place - 1 : place - 1 + ANSWER] if place else b""
-            if len(frame) == ANSWER and frame[0] in self._asked:
-                if modbus_frames.crc(frame[:-2]) == frame[-2:]:
-                    self._heard(frame[0])
-                else:
-                    self.damaged[frame[0]] = self.damaged.get(frame[0], 0) + 1
-                    self._journal.counters.bad_frames += 1
-                self._came = self._came[place - 1 + ANSWER :]
-                place = -1
-            place = self._came.find(HEAD, place + 1)
+        place = 0
+        while found := ANSWERS.search(self._came, place):
+            frame, place = found[0], found.start() + 1
+            if frame[0] not in self._asked:
+                continue
+            if modbus_frames.crc(frame[:-2]) == frame[-2:]:
+                self._heard(frame[0])
+            else:
+                self.damaged[frame[0]] = self.damaged.get(frame[0], 0) + 1
+                self._journal.counters.bad_frames += 1
+            self._came, place = self._came[found.end() :], 0
         self._take_refusals()
 
     def _take_refusals(self) -> None:
         """Who lacks that place and says so is there as well; not who is silent to a gateway."""
-        place = self._came.find(REFUSED, 1)
-        while place > 0:
-            frame = self._came[place - 1 : place - 1 + REFUSAL]
-            known = len(frame) == REFUSAL and frame[0] in self._asked and frame[0] not in self.trips
+        for frame in REFUSALS.findall(self._came):
+            known = frame[0] in self._asked and frame[0] not in self.trips
             theirs = known and frame[2] not in (modbus_frames.NO_PATH, modbus_frames.NO_TARGET)
             if theirs and modbus_frames.crc(frame[:-2]) == frame[-2:]:
                 self._heard(frame[0])
-            place = self._came.find(REFUSED, place + 1)
 
     def _heard(self, device_id: int) -> None:
         self.trips[device_id] = self._link.now() - self._asked[device_id]

@@ -79,19 +79,14 @@ def _replies(bus: RegisterBus, there: RegisterBus, span: Span, retries: int) -> 
     return True
 
 
-def _keeps_pace(bus: SerialBus) -> bool:
-    """Whether one of two younger questions is answered."""
-    return any(bus.pace(LATE_SECONDS) is not None for _ in range(2))
-
-
 def find_speed(bus: SerialBus) -> int | None:
     """The speed of the three documented ones at which the hand answers, or None. Leaves the port at that speed."""
     link, first = bus.link, bus.link.baud
     for rate in sorted(BAUD_RATES.values(), key=lambda rate: rate != first):
         link.set_baud(rate)
         try:
-            if probe(bus, bus.id, seconds=PROBE_SECONDS) and _keeps_pace(bus):
-                return rate  # not a late answer to a question at another speed
+            if probe(bus, bus.id, seconds=PROBE_SECONDS) and any(bus.pace(LATE_SECONDS) is not None for _ in range(2)):
+                return rate  # a younger question is answered: it was no late answer to one at another speed
         except ProtocolError:
             continue  # garbage at a wrong speed is as good as silence here
     if first is not None:

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from handctl.devices.inspire import modbus_frames
-from handctl.devices.inspire.modbus_frames import Answer, RtuDecoder, TcpDecoder
+from handctl.devices.inspire.modbus_frames import RTU, TCP, Answer, RtuDecoder, TcpDecoder, framed, pdu_of
 from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.families import FAMILIES
@@ -123,7 +123,7 @@ class ModbusBus(ByteBus):
         if more.get("timeout") is None and tcp:
             self.timeout = TCP_TIMEOUT
         self.tcp = tcp
-        self.wire = "tcp" if tcp else "rtu"
+        self.wire = TCP if tcp else RTU
         self._state = _State(False if tcp else None)
 
     def _count_damaged(self, _error: ProtocolError) -> None:
@@ -161,7 +161,7 @@ class ModbusBus(ByteBus):
 
     def _differences(self, pdu: bytes, received: bytes) -> list[str]:
         """How one frame in place of the reply to a read differs from that, in ways that a firmware may have; [] = it is none."""
-        data, size = received.removeprefix(self._framed(pdu, 0)), modbus_frames.reply_size(pdu)
+        data, size = received.removeprefix(framed(self.wire, self.id, 0, pdu)), modbus_frames.reply_size(pdu)
         if self.tcp or len(data) != size + 3:
             return []
         found = [f"unit {data[0]}"] if data[0] in (0, 255) else [] if data[0] == self.id else [""]
@@ -230,7 +230,7 @@ class ModbusBus(ByteBus):
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
         """The exact bytes of that write, as the first question of a connection."""
-        return Step(meaning, self._framed(self.write_pdu(address, data), 1))
+        return Step(meaning, framed(self.wire, self.id, 1, self.write_pdu(address, data)))
 
     # -- the wire ------------------------------------------------------------------------------------------------
 
@@ -256,7 +256,7 @@ class ModbusBus(ByteBus):
 
     def _exchange(self, pdu: bytes) -> Answer:
         transaction = self._state.transaction = self._state.transaction % 0xFFFF + 1  # on TCP, 1 to 65535
-        request = self._framed(pdu, transaction)
+        request = framed(self.wire, self.id, transaction, pdu)
         self.pass_gate(request)
         self.check_bound(hex_bytes(request))
         self.drain()
@@ -355,14 +355,14 @@ class ModbusBus(ByteBus):
         if answer.transaction is None:
             if answer.function != modbus_frames.WRITE_ONE:  # its answer looks as the echo does
                 self.journal.line.echo = bool(self.journal.line.echo) or received.startswith(request)
-            self._owed.answered(number, self.pdu_of(request))
+            self._owed.answered(number, pdu_of(request, self.wire))
         elif answer.transaction == number:
             self._state.counts = self._state.counts is not False
             self._owed.settled()
         else:
             # One question is open, so the order tells whose answer it is (rh56 §2.3).
             self._state.counts = False
-            self._owed.answered(number, self.pdu_of(request))
+            self._owed.answered(number, pdu_of(request, self.wire))
             self.journal.count(
                 "transaction-id",
                 f"{self.where}: a reply has another transaction id than its request",
@@ -389,20 +389,13 @@ class ModbusBus(ByteBus):
             hint = "wait for one second, read the values, then run the command again"
         return DeviceRefused(f"{self.where}: the hand refused {sent} with {name}", hint=hint, code=f"modbus-{code}")
 
-    def _framed(self, pdu: bytes, transaction: int) -> bytes:
-        return modbus_frames.tcp(transaction, pdu) if self.tcp else modbus_frames.rtu(self.id, pdu)
-
     def _keep_quiet(self) -> None:
         """The silence that begins a frame of RTU."""
         if not self.tcp and not self.link.replayed:
             self.link.sleep(self.link.answered + QUIET_SECONDS - self.link.now())
 
-    def pdu_of(self, request: bytes) -> bytes:
-        """The PDU in a frame of ours."""
-        return request[modbus_frames.MBAP :] if self.tcp else request[1:-2]
-
     def only_reads(self, request: bytes | CanFrame) -> bool:
-        return isinstance(request, bytes) and modbus_frames.only_reads(self.pdu_of(request))
+        return isinstance(request, bytes) and modbus_frames.only_reads(pdu_of(request, self.wire))
 
     def addressee(self, request: bytes | CanFrame) -> int:
         return self.id
@@ -436,7 +429,7 @@ class ModbusBus(ByteBus):
         pdu = (
             odd[0].pdu if odd else b"" if self.tcp or not _whole(received) or received[0] != self.id else received[1:-2]
         )
-        asked = modbus_frames.reply_size(self.pdu_of(request)) - 2
+        asked = modbus_frames.reply_size(pdu_of(request, self.wire)) - 2
         reads = self.only_reads(request) and self._owed.alone and pdu[:1] == bytes([modbus_frames.READ])
         mine = len(odd) < 2 and (not odd or odd[0].has_transaction(self._state.transaction))
         return len(pdu) - 2 if reads and mine and pdu[1] == len(pdu) - 2 < asked else None

@@ -26,6 +26,8 @@ from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.model.frame_decoder import Stream
 
+RTU, TCP = "rtu", "tcp"
+"""The two envelopes."""
 READ, WRITE_ONE, WRITE_MANY = 0x03, 0x06, 0x10
 FAILED = 0x80
 """Added to the function of a request in the answer that refuses it."""
@@ -162,6 +164,11 @@ def tcp(transaction: int, pdu: bytes, unit: int = ANY_UNIT) -> bytes:
     return transaction.to_bytes(2, "big") + b"\0\0" + (len(pdu) + 1).to_bytes(2, "big") + bytes([unit]) + pdu
 
 
+def framed(mode: str, unit: int, transaction: int, pdu: bytes) -> bytes:
+    """A frame in its envelope."""
+    return tcp(transaction, pdu) if mode == TCP else rtu(unit, pdu)
+
+
 def to_memory(data: bytes) -> bytes:
     """Words, high half first -> bytes in the order of their addresses; and the other way round. Half a word at the end stays."""
     swapped, whole = bytearray(data), len(data) & ~1
@@ -255,7 +262,6 @@ class TcpDecoder(Stream[Answer]):
 
 # -- whose bytes are these: Modbus stands beside EB 90 on one pair, and in one recording -------------------------------
 
-RTU, TCP = "rtu", "tcp"
 FUNCTIONS = (READ, WRITE_ONE, WRITE_MANY)
 
 

@@ -9,6 +9,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
+from handctl.devices.inspire.modbus_frames import TCP
 from handctl.devices.inspire.register_bus import AHEAD, question
 from handctl.errors import CheckFailed
 from handctl.model.frame_decoder import frames_in
@@ -24,7 +25,7 @@ SHOWN = 16
 
 READS = "read where it is, or is to be"
 
-EB90, RTU, TCP, CAN = "EB90", "Modbus RTU", "Modbus TCP", "CAN"
+EB90, CAN = "eb90", "can"
 TAKEN, REFUSED = 0, -1
 """What an answer says of a write; above 0 it is the exception of Modbus."""
 
@@ -79,7 +80,7 @@ class Wire(NamedTuple):
             told = self._answer(pieces, pdu)
             return modbus_frames.to_memory(told.data) if told is not None and told.exception is None else None
 
-        return Step(meaning, self._framed(pdu)), found
+        return Step(meaning, modbus_frames.framed(self.name, number, 1, pdu)), found
 
     def writing(self, address: int, data: bytes, meaning: str) -> tuple[Step, Callable[[Pieces], int | None]]:
         """A write, and what judges it in what comes; None = nothing came that does."""
@@ -109,7 +110,7 @@ class Wire(NamedTuple):
             told = self._answer(pieces, pdu)
             return None if told is None else told.exception or TAKEN
 
-        return Step(meaning, self._framed(pdu), moves=True), answered
+        return Step(meaning, modbus_frames.framed(self.name, number, 1, pdu), moves=True), answered
 
     def memory(self, address: int, count: int) -> Generator[StopStep, Pieces, bytes | None]:
         """So many bytes, asked again for a second; None where nothing answers."""
@@ -121,9 +122,6 @@ class Wire(NamedTuple):
         """So many signed 16-bit registers."""
         data = yield from self.memory(address, 2 * count)
         return eb90.unpack_s16(data) if data is not None else None
-
-    def _framed(self, pdu: bytes) -> bytes:
-        return modbus_frames.tcp(1, pdu) if self.name == TCP else modbus_frames.rtu(self.context.number, pdu)
 
     def _answer(self, pieces: Pieces, pdu: bytes) -> modbus_frames.Answer | None:
         """The last answer to `pdu` in what came."""

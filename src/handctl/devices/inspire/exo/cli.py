@@ -9,7 +9,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import going
-from handctl.command.options import NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS
+from handctl.command.options import NEGATIVE_NUMBERS, SECONDS
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.exo import device
@@ -42,16 +42,14 @@ add_map_verbs(
 
 
 @cli.verb("read", "Service")
-@click.argument("address")
-@click.argument("count", type=int)
+@verbs.SPAN
 def read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded."""
     return verbs.read(run, address, count)
 
 
 @cli.verb("write", "Service", writes=True, asks=True)
-@click.argument("address")
-@click.argument("data", metavar="HEX")
+@verbs.BYTES
 @verbs.UNDOCUMENTED
 def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedAction:
     """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
@@ -66,8 +64,7 @@ def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedActio
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)
-@click.argument("data", nargs=-1, required=True, metavar="HEX...")
-@REPLY_WAIT
+@verbs.FRAME
 @verbs.forced(
     help="Also send a frame that means something else to another Inspire device, or that has a value out of range."
 )
@@ -95,9 +92,7 @@ def id_(run: Run, new: int | None) -> Table | PlannedAction:
 
 
 @cli.verb("baud", "Settings", writes=True, asks=True)
-@click.argument("rate", required=False, type=int)
-@verbs.SAVE_TOO
-@verbs.VERIFY
+@verbs.RATE
 def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | PlannedAction:
     """Show the baud rate code, or set a new RATE: 115200, 57600 or 19200 bit/s.
 
@@ -161,7 +156,7 @@ def calibrate(run: Run) -> PlannedAction:
     return PlannedAction(steps, lambda hand: calibration.calibrate(hand, run.prompts), calibration.QUESTION)
 
 
-@cli.verb("force", "Move", writes=True, asks=True)
+@cli.verb("force", "Move", writes=True, asks=True, context_settings=NEGATIVE_NUMBERS)
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
 def force(run: Run, values: tuple[str, ...]) -> PlannedAction:
     """Command forces from -1000 (closes the hand) to 1000 (opens it). Asks first.
@@ -173,7 +168,7 @@ def force(run: Run, values: tuple[str, ...]) -> PlannedAction:
     return _command(run, "force", values)
 
 
-@cli.verb("position", "Move", writes=True, asks=True)
+@cli.verb("position", "Move", writes=True, asks=True, context_settings=NEGATIVE_NUMBERS)
 @click.argument("values", nargs=-1, required=True, metavar=FIVE)
 @click.option(
     "--wait",
@@ -190,10 +185,6 @@ def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str 
     With --wait it shows the positions reached.
     """
     return _command(run, "position", values, wait, expect)
-
-
-for takes_numbers in (force, position):
-    takes_numbers.context_settings.update(NEGATIVE_NUMBERS)
 
 
 def _command(

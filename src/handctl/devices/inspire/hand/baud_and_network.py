@@ -26,13 +26,7 @@ FACTORY = "192.168.11.210"
 """Both hands of a pair (rh56 §2.3)."""
 
 
-def show_speed(hand: Hand) -> Table:
-    """The baud rate code and its neighbouring register."""
-    _tell_places(hand)
-    return hand.table(hand.read(hand.map["baud_code"].each))
-
-
-def _tell_places(hand: Hand) -> None:
+def tell_places(hand: Hand) -> None:
     """Say what both places of the speed code hold."""
     register = hand.map["baud_code"]
     if register.per == 2:
@@ -55,7 +49,7 @@ def change_speed(hand: Hand, rate: int) -> Table:
             hint="choose 115200, 57600 or 19200. Nothing was written.",
             code="no-speed",
         )
-    _tell_places(hand)
+    tell_places(hand)
     register = hand.map["baud_code"]
     neighbour = hand.bus.read(*SYSTEM) if register.per == 1 else b""
     table = hand.table(hand.write([(Element(register, 0), code)]))

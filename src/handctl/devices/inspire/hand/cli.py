@@ -16,7 +16,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import Unequal, ask_released, bounds_of, tell_listed, within
-from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, REPLY_WAIT, SECONDS, streaming
+from handctl.command.options import ALWAYS, BOUNDS, COMMAND_LINE, NEGATIVE_NUMBERS, SECONDS, streaming
 from handctl.command.run import Asked, PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire.hand.detect_generation import ModelGate
@@ -120,7 +120,7 @@ WAIT = click.option(
 )
 
 
-@cli.verb("angle", "Move", writes=True, asks=True)
+@cli.verb("angle", "Move", writes=True, asks=True, context_settings=NEGATIVE_NUMBERS)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
@@ -136,7 +136,7 @@ def angle(run: Run, values: tuple[str, ...], wait: float | None, expect: str | N
     return write_asked(run, _changes(run, "angle_set", values), wait, expect)
 
 
-@cli.verb("position", "Move", writes=True, asks=True)
+@cli.verb("position", "Move", writes=True, asks=True, context_settings=NEGATIVE_NUMBERS)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 @WAIT
 @expect
@@ -150,7 +150,7 @@ def position(run: Run, values: tuple[str, ...], wait: float | None, expect: str 
     return write_asked(run, _changes(run, "stroke_set", values), wait, expect)
 
 
-@cli.verb("force", "Move", writes=True)
+@cli.verb("force", "Move", writes=True, context_settings=NEGATIVE_NUMBERS)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 def force(run: Run, values: tuple[str, ...]) -> PlannedAction:
     """Set the force limit in grams. Asks first if a finger may move.
@@ -163,7 +163,7 @@ def force(run: Run, values: tuple[str, ...]) -> PlannedAction:
     return write_asked(run, _changes(run, "force_limit", values))
 
 
-@cli.verb("speed", "Move", writes=True)
+@cli.verb("speed", "Move", writes=True, context_settings=NEGATIVE_NUMBERS)
 @click.argument("values", nargs=-1, required=True, metavar=FINGERS)
 def speed(run: Run, values: tuple[str, ...]) -> PlannedAction:
     """Set the speed of all movements from now on, 0 to 1000. Asks first if a finger may move.
@@ -206,10 +206,6 @@ def calibrate(run: Run) -> PlannedAction:
     return PlannedAction(
         steps(run.planner()), lambda hand: calibration.calibrate(hand, run.prompts), question, look=look
     )
-
-
-for takes_numbers in (angle, position, force, speed):
-    takes_numbers.context_settings.update(NEGATIVE_NUMBERS)
 
 
 def _changes(run: Run, name: str, texts: Sequence[str]) -> list[tuple[Element, Number]]:
@@ -303,9 +299,7 @@ def id_(run: Run, new: int | None) -> Table | PlannedAction:
 
 
 @cli.verb("baud", "Settings", writes=True, asks=True)
-@click.argument("rate", required=False, type=int)
-@verbs.SAVE_TOO
-@verbs.VERIFY
+@verbs.RATE
 def baud(run: Run, rate: int | None, save_too: bool, verify: bool) -> Table | PlannedAction:
     """Show the baud rate code, or set a new RATE in bit/s.
 
@@ -339,8 +333,7 @@ def factory_reset(run: Run, backup: str | None) -> PlannedAction:
 
 
 @cli.verb("read", "Service")
-@click.argument("address")
-@click.argument("count", type=int)
+@verbs.SPAN
 def read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes (1 to 252) from any ADDRESS. Registers from the manual are decoded.
 
@@ -350,8 +343,7 @@ def read(run: Run, address: str, count: int) -> Table:
 
 
 @cli.verb("write", "Service", writes=True, asks=True)
-@click.argument("address")
-@click.argument("data", metavar="HEX")
+@verbs.BYTES
 @verbs.UNDOCUMENTED
 def write(run: Run, address: str, data: str, undocumented: bool) -> PlannedAction:
     """Write bytes to ADDRESS, low byte first, and read them back. Asks first.
@@ -413,8 +405,7 @@ def write_bytes(
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)
-@click.argument("data", nargs=-1, required=True, metavar="HEX...")
-@REPLY_WAIT
+@verbs.FRAME
 @verbs.forced(help="Also send a frame that resets the hand, starts a stored movement or has a value out of range.")
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these EB90 or Modbus bytes and show the decoded reply.
@@ -501,7 +492,7 @@ def pair(
     octets = baud_and_network.octets_of(address) if address is not None else None
     if run.settings.dry_run:
         return run.dry_run(_steps(run, other, octets, moving=first is None))
-    found = pairing.pair(_Bench(run), own, other, first=first, address=address)
+    found = pairing.pair(pairing.Bench(run), own, other, first=first, address=address)
     return _named(run, found, names, force)
 
 
@@ -558,27 +549,6 @@ def _steps(run: Run, other: str | None, octets: list[int] | None, *, moving: boo
     elif other is None:
         steps += planner.plan([(planner.map["id"].each[0], 2)])
     return [*steps, planner.trigger_step("save", "save to flash")] if other is None else steps
-
-
-class _Bench:
-    """The run, as `pairing` needs it."""
-
-    def __init__(self, run: Run) -> None:
-        self._run = run
-        self.prompts, self.elsewhere, self.confirm = run.prompts, run.device_at, run.confirm
-
-    def hand(self, number: int | None = None) -> Hand:
-        run = self._run
-        if run.opened is None:
-            run.device()
-        assert run.link is not None
-        settings = run.settings._replace(id=number) if number is not None else run.settings
-        hand: Hand = run.family.open(run.link, settings, run.journal)
-        return hand
-
-    def again(self) -> Hand:
-        self._run.open_link(again=True)
-        return self.hand()
 
 
 # -- names --------------------------------------------------------------------------------------------------------------

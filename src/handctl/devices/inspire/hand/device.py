@@ -357,12 +357,13 @@ class Hand(RegisterDevice):
         return {code: rate for code, rate in HAND_BAUD_RATES.items() if code < 3 or self.typed in (None, TP, F1)}
 
     def show_speed(self) -> Table:
+        """The baud rate code and its neighbouring register."""
         from handctl.devices.inspire.hand import baud_and_network as place
 
-        return place.show_speed(self)
+        place.tell_places(self)
+        return self.table(self.read(self.map["baud_code"].each))
 
     def change_speed(self, rate: int) -> Table:
-        """See `place.change_speed`."""
         from handctl.devices.inspire.hand import baud_and_network as place
 
         return place.change_speed(self, rate)

@@ -1,4 +1,4 @@
-"""Pair two hands: find out which is left, and give each its own id or address (rh56 §6, §7). Knows no command and no file.
+"""Pair two hands: find out which is left, and give each its own id or address (rh56 §6, §7). Knows no file.
 
 Both hands of a pair come with id 1 and one IP address, and no register holds a side. So one hand alone gets another
 id or address while the other is unplugged; then each moves a finger, and whoever stands there says which one it was.
@@ -11,7 +11,7 @@ id or address while the other is unplugged; then each moves a finger, and whoeve
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.duplicate_id import naming_duplicate_id, refuse_duplicate_id
@@ -22,11 +22,13 @@ from handctl.devices.inspire.hand.probe import TARGET, fingerprint
 from handctl.devices.inspire.scan import sweep
 from handctl.errors import Aftermath, CheckFailed, HandctlError, Hint, LinkError, NoAnswer, NotConfirmed, UsageError
 from handctl.link import ByteLink
-from handctl.model.param import Step
 from handctl.model.prompts import Prompts
 from handctl.model.scan_task import ScanTask
 from handctl.model.stop_on_interrupt import on_early_end
 from handctl.wording import plural
+
+if TYPE_CHECKING:
+    from handctl.command.run import Run
 
 LEFT, RIGHT = "left", "right"
 OTHER = {LEFT: RIGHT, RIGHT: LEFT}
@@ -47,25 +49,28 @@ class Paired(NamedTuple):
     side: str
 
 
-class Bench(Protocol):
-    """What a pairing needs of the command that it belongs to.
+class Bench:
+    """The hands that a command reaches, and whoever stands there."""
 
-    guide   whoever stands at the hands
-    """
-
-    prompts: Prompts
+    def __init__(self, run: Run) -> None:
+        self._run = run
+        self.prompts, self.confirm = run.prompts, run.confirm
+        self.elsewhere: Callable[[str], Hand] = run.device_at
 
     def hand(self, number: int | None = None) -> Hand:
         """A hand on the first link, with this id; nothing is known of it yet."""
+        run = self._run
+        if run.opened is None:
+            run.device()
+        assert run.link is not None
+        settings = run.settings._replace(id=number) if number is not None else run.settings
+        hand: Hand = run.family.open(run.link, settings, run.journal)
+        return hand
 
     def again(self) -> Hand:
         """The same behind the first link when that is opened again. Raises LinkError."""
-
-    def elsewhere(self, link: str) -> Hand:
-        """A hand on another LINK. Raises UsageError, LinkError."""
-
-    def confirm(self, question: str, steps: Sequence[Step], *, word: str = "") -> None:
-        """Ask before something that moves or strands. Raises NotConfirmed."""
+        self._run.open_link(again=True)
+        return self.hand()
 
 
 def pair(

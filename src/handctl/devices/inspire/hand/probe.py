@@ -42,7 +42,6 @@ Values = Mapping[str, Mapping[str, int]]
 """Register -> finger -> value, of what could be read."""
 
 ANSWERS = {"can": "on CAN", "eb90": "in EB90", "rtu": "in Modbus RTU", "tcp": "in Modbus TCP"}
-EMERGENCY = 8
 SLOWLY = Hint("run {} before the first movement", "hand speed 100 100 100 100 100 100")
 EACH_SLOWLY = Hint(
     "run {}, and the same for each other actuator, before the first movement", "hand set speed_set.m1=100"
@@ -109,17 +108,15 @@ def protocol(device: Hand) -> Row4:
     return "protocol", "ok", f"the hand replies {ANSWERS[wire]}", ""
 
 
-def _arrives(bus: RegisterBus, address: int, count: int) -> str:
-    """Code of what ended a read, "" = nothing."""
+def _arrives(bus: RegisterBus, address: int, count: int) -> bool:
+    """Whether a read is answered. Raises LinkError where the line is lost."""
     try:
         bus.read(address, count, retries=0)
-    except (NoAnswer, ProtocolError) as exc:
-        return exc.code
     except HandctlError as exc:
         if exc.code == "lost":
             raise
-        return exc.code
-    return ""
+        return False
+    return True
 
 
 def _elsewhere(device: Hand) -> Iterator[Row4]:
@@ -134,7 +131,7 @@ def _elsewhere(device: Hand) -> Iterator[Row4]:
         link.sleep(BETWEEN_PROTOCOLS)
         names = {"eb90": "EB90", "rtu": "Modbus RTU"}
         silent, spoken = names[bus.wire], names[other.wire]
-        if not _arrives(other, *other.presence):
+        if _arrives(other, *other.presence):
             word = "eb90" if other.wire == "eb90" else "modbus"
             yield "protocol", "fail", f"the hand replies in {spoken}, but not in {silent}", f"add --protocol {word}"
             return
@@ -187,7 +184,7 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
     found: dict[str, list[str]] = {}
     keys: list[str] = []
     for part, code in held.get("status", {}).items():
-        if code in NO_MOVE_STATUS or code == EMERGENCY:
+        if code in NO_MOVE_STATUS:
             found.setdefault(part, []).append(f"status {code}, {STATUS[code]}")
             if not held.get("error", {}).get(part):  # its bits say more
                 keys.append(STATUS[code])

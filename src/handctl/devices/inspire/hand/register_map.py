@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.inspire.register_map import Register
-from handctl.fast_classes import fast_dataclass
+from handctl.fast_classes import fast_dataclass, replace
 from handctl.model.param import COMMAND, MOVES, SETTING, TRIGGER, ParamMap
 
 DF, TP, F1, DG2 = "df", "tp", "f1", "dg2"
@@ -116,20 +116,6 @@ OF_BYTES = tuple(one for one in BYTE_MAP if one.models == (DF, TP))
 """What a hand that counts bytes has, whichever of the two it is."""
 
 
-_LIKE = (
-    "doc",
-    "unit",
-    "special",
-    "bits",
-    "choices",
-    "access",
-    "kind",
-    "acts",
-    "strands",
-    "verb",
-    "persistent",
-    "signed",
-)
 _WORDS = {
     "id": (1000, 1000), "baud_code": (1001, 1001), "clear_errors": (1003, 1003), "save": (1004, 1004),
     "factory_reset": (1005, 1005), "calibrate_force": (1007, 1007), "current_limit": (1016, 1024),
@@ -164,9 +150,16 @@ def _word_map(kind: str, which: int, elements: tuple[str, ...]) -> ParamMap[Any]
     for name, places in _WORDS.items():
         like = BYTE_MAP.get(name)
         each = like is None or bool(like.elements)
-        fields = {key: getattr(like, key) for key in (_LIKE if each else (*_LIKE, "low", "high")) if like is not None}
-        fields |= {"source": "rh56 §3.2", "per": 2, "models": (kind,), "elements": elements if each else ()}
-        rows.append(_row(2 * places[which], name, **(fields | _WORD_FIELDS.get(name, {}))))
+        fields: dict[str, Any] = {
+            "address": 2 * places[which],
+            "source": "rh56 §3.2",
+            "size": 2,
+            "per": 2,
+            "models": (kind,),
+        }
+        fields |= {"elements": elements, "low": None, "high": None} if each else {}
+        fields |= _WORD_FIELDS.get(name, {})
+        rows.append(replace(like, **fields) if like is not None else HandRegister(name=name, **fields))
     return ParamMap("hand", rows)
 
 

@@ -15,8 +15,9 @@ from handctl.devices.inspire.hand.detect_generation import KINDS
 from handctl.devices.inspire.hand.model_and_protocol import map_of, over_tcp
 from handctl.devices.inspire.hand.register_map import DG2, F1, MAPS, HandRegister
 from handctl.devices.inspire.identity import STATES, TABLE, is_five_wide, is_six_wide, within
+from handctl.devices.inspire.modbus_frames import RTU, TCP
 from handctl.devices.inspire.register_bus import Span
-from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, RTU, TAKEN, TCP, Wire, check_again, lead
+from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, TAKEN, Wire, check_again, lead
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import ParamMap
 from handctl.model.stop_repetition import REPEAT_FOR, after_late_replies, repeat_until_answered

@@ -12,7 +12,7 @@ from handctl.command.common_commands import add_map_verbs
 from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.get_set_watch import ask_released
-from handctl.command.options import REPLY_WAIT, SECONDS
+from handctl.command.options import SECONDS
 from handctl.command.run import PlannedAction, Run
 from handctl.devices.inspire import common_cli as verbs
 from handctl.devices.inspire import eb90, identity
@@ -67,16 +67,14 @@ add_map_verbs(
 
 
 @cli.verb("read", "Service")
-@click.argument("address")
-@click.argument("count", type=int)
+@verbs.SPAN
 def read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes (1 to 252) from ADDRESS in the wrist. Registers from the manual are decoded."""
     return verbs.read(run, address, count)
 
 
 @cli.verb("hand-read", "Service")
-@click.argument("address")
-@click.argument("count", type=int)
+@verbs.SPAN
 def hand_read(run: Run, address: str, count: int) -> Table:
     """Read COUNT bytes (1 to 252) from ADDRESS in the hand, not in the wrist.
 
@@ -137,8 +135,7 @@ def _move(run: Run, values: dict[str, Any], wait: float | None, expect: str | No
 
 
 @cli.verb("write", "Service", writes=True)
-@click.argument("address")
-@click.argument("data", metavar="HEX")
+@verbs.BYTES
 def write(run: Run, address: str, data: str) -> PlannedAction:
     """Write 2, 4 or 6 bytes to addresses 1038 to 1043 and read them back.
 
@@ -157,8 +154,7 @@ def write(run: Run, address: str, data: str) -> PlannedAction:
 
 
 @cli.verb("hand-write", "Service", writes=True, asks=True)
-@click.argument("address")
-@click.argument("data", metavar="HEX")
+@verbs.BYTES
 @verbs.UNDOCUMENTED
 @FORCE
 def hand_write(run: Run, address: str, data: str, undocumented: bool, force_ambiguous: bool) -> PlannedAction:
@@ -178,8 +174,7 @@ def hand_write(run: Run, address: str, data: str, undocumented: bool, force_ambi
 
 
 @cli.verb("raw", "Service", writes=True, asks=True)
-@click.argument("data", nargs=-1, required=True, metavar="HEX...")
-@REPLY_WAIT
+@verbs.FRAME
 @FORCE
 def raw(run: Run, data: tuple[str, ...], wait: float, force_ambiguous: bool) -> PlannedAction:
     """Send exactly these bytes (on CAN: IDENTIFIER#DATA) and show the decoded reply.
