@@ -7,17 +7,13 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Mapping
+
 from handctl.number_parsing import real_in
-from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, Rows, soonest
 
-TYPE_CHECKING = False  # a simulator loads without the typing module
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
-
-    from handctl.sim.engine.simulated_device import Rows
-
-    Taught = tuple[list[str], list[str]]
-    """Control commands that the simulator took, and those that it does not have."""
+Taught = tuple[list[str], list[str]]
+"""Control commands that the simulator took, and those that it does not have."""
 
 LINE_OPTIONS: Rows = {
     "seed": ((0, 0, 4294967295), "start of the random generator, 0..4294967295 (default 0)"),

@@ -5,12 +5,12 @@ Knows nothing of any wire format. Time is always passed in (seconds, monotone); 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
 from itertools import repeat
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
     from typing import Any, ClassVar, Protocol
 
     class Control(Protocol):
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
         def use(self, device: Any) -> Iterator[float]:
             """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
 
-    Form = Any
-    Rows = dict[str, tuple[Form, str]]
-    """Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
-    default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
-    (default, most) of seconds, or None: any text."""
+
+Rows = Mapping[str, tuple[object, str]]
+"""Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
+default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
+(default, most) of seconds, or None: any text."""
 
 NOTHING: frozenset[str] = frozenset()
 
@@ -129,7 +129,7 @@ class Options:
         given = {name: self.value(name, form) for name, (form, _) in rows.items() if name in self.raw}
         return {**_DEFAULTS[id(rows)][1], **given}
 
-    def value(self, name: str, form: Form) -> Any:
+    def value(self, name: str, form: Any) -> Any:
         match form:
             case bool():
                 return self.choice(name, "01"[form], ("1", "0") if form else ("0", "1")) == "1"
