@@ -75,10 +75,6 @@ class Random:
         )
 
 
-_DEFAULTS: dict[int, tuple[Rows, dict[str, Any]]] = {}
-"""What tables of options come to where nothing is said: many devices are made of few tables."""
-
-
 class Options:
     """The raw strings of a link, read with their ranges. Every complaint is a ValueError of one line."""
 
@@ -123,11 +119,7 @@ class Options:
 
     def read(self, rows: Rows) -> dict[str, Any]:
         """The values of these options, each by its form."""
-        if id(rows) not in _DEFAULTS:  # of a table that lasts as long as its module
-            none = Options(self.kind, {}, rows)
-            _DEFAULTS[id(rows)] = rows, {name: none.value(name, form) for name, (form, _) in rows.items()}
-        given = {name: self.value(name, form) for name, (form, _) in rows.items() if name in self.raw}
-        return {**_DEFAULTS[id(rows)][1], **given}
+        return {name: self.value(name, form) for name, (form, _) in rows.items()}
 
     def value(self, name: str, form: Any) -> Any:
         match form:
