@@ -72,20 +72,10 @@ class Reader:
             reads = [data[at : at + self._longest] for at in range(0, len(data), self._longest)]
             found = [self._parse(read.partition(b"\0")[0]) for read in reads]
         elif self._style == "tolerant":
-            found = [self._at_once(data)] if self._whole(data) else [self._step(byte) for byte in data]
+            found = [self._step(byte) for byte in data]
         else:
             found = [self._split(byte, 10 if self._style == "lines" else 0) for byte in data]
         return [one for one in found if one is not None]
-
-    def _whole(self, data: bytes) -> bool:
-        """Whether this is one object without another brace in it, and nothing else but blanks."""
-        end = data.find(b"}")
-        flat = data[:1] == b"{" and data.rfind(b"{") == 0 and b"\\" not in data and data.count(b'"', 0, end) % 2 == 0
-        return flat and not self._depth and 0 < end < self._longest and not data[end + 1 :].strip(BLANKS)
-
-    def _at_once(self, data: bytes) -> dict[str, Any] | None:
-        self._text += data.rstrip(BLANKS)
-        return self._finish()
 
     def _step(self, byte: int) -> dict[str, Any] | None:
         """One byte more: braces are counted outside strings, so an object may be cut anywhere."""
