@@ -113,7 +113,7 @@ class Visit:
         """What the device says of itself, without what is private."""
         self.privacy = Privacy(params, wishes.include_ids)
         now = datetime.now(timezone.utc).isoformat(timespec="seconds")
-        self.content = Report(params.kind, run.command, __version__, now, simulated=False)
+        self.content = Report(params.kind, run.command, now, simulated=False)
         self.content.privacy, self.content.masked = _promise(self.privacy), self.privacy.masks
 
     def attempt(self, part: str, action: Callable[[], T]) -> T | None:

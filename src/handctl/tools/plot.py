@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 import click
 
-from handctl import __version__, files
+from handctl import files
 from handctl.charts.curves import PIXELS, SIDE, STYLE, Curve, Strip, escape, outline_svg, picture, unchanged
 from handctl.command.command_tree import Command
 from handctl.command.options import InFile
@@ -347,12 +347,8 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
     if whole:
         from handctl.report.html import plain_page
 
-        return plain_page(
-            head,
-            [*map(_outlines, found), *pieces, *(f'<p class="note">{escape(line)}</p>\n' for line in still)],
-            STYLE,
-            __version__,
-        )
+        notes = (f'<p class="note">{escape(line)}</p>\n' for line in still)
+        return plain_page(head, [*map(_outlines, found), *pieces, *notes], STYLE)
     folded = [(14 if later else 0, line) for text in still for later, line in enumerate(textwrap.wrap(text, LETTERS))]
     below = "".join(
         f'<text class="small" x="{left}" y="{top + 16 * number}">{escape(line)}</text>\n'

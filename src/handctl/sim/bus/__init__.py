@@ -32,7 +32,7 @@ def create(options: dict[str, str]) -> Any:
         raise ValueError(
             f"{plan.path}: [line] fault = {name!r} belongs to an adapter: serve it with `handctl sim bus --slcan-pty`"
         )
-    return whole_of(plan) if plan.wire == "can" else whole_of(plan).join()
+    return client_of(plan)
 
 
 def whole_of(plan: Any) -> Any:
@@ -44,3 +44,8 @@ def whole_of(plan: Any) -> Any:
     from handctl.sim.bus.serial_bus import Bus
 
     return Bus(plan)
+
+
+def client_of(plan: Any) -> Any:
+    """The end of one client of this bus."""
+    return whole_of(plan) if plan.wire == "can" else whole_of(plan).join()
