@@ -88,9 +88,8 @@ def add_map_verbs(
     ) -> Table:
         """Show a health summary: the present values, with errors decoded."""
         run.said.include_ids = include_ids
-        seen = (
-            None if by is None else get_set_watch.picture(params.kind, by)
-        )  # a wrong name is told before the link is opened
+        # A wrong name is told before the link is opened.
+        seen = None if by is None else get_set_watch.picture(params.kind, by)
         bounds = get_set_watch.bounds_of(run, run.mapped(params), limits)
         table = get_set_watch.within(bounds, run.device().status(check))
         table.view = seen or table.view

@@ -168,7 +168,7 @@ class Cable(Switched):
         self._known = {**faults, **model.FAULTS}
         self._faults = self._parse_faults(given["fault"] or "")
         self.device = model(self._options, self._random)
-        self.device.judge = self._judge
+        self.device.judge, self.device.hits_of = self._judge, self._hits
         self.device.faults = self._faults
         self.device.power(True)
         self.hung_up = False

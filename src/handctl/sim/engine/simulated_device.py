@@ -180,6 +180,7 @@ class Model:
         self.dirty = False  # something that a state file keeps has changed
         self.faults: frozenset[str] = NOTHING
         self.judge: Callable[[], frozenset[str]] = lambda: NOTHING  # asked once for each request that is understood
+        self.hits_of: Callable[[int], frozenset[str]] = lambda _number: NOTHING  # the faults of the N-th, from 1
         self._replies: list[Reply] = []
 
     def boot(self, now: float) -> None:
