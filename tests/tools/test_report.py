@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Iterable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import pytest
 
 from handctl import report as report_private
-from handctl.charts.curves import MOST_PLACES, Curve, curves, draw
+from handctl.charts.curves import MOST_PLACES, Curve, Curves, draw
 from handctl.errors import NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.param import Param, ParamMap
@@ -31,7 +32,7 @@ HELD: ParamMap[Param] = ParamMap(
 
 
 def made(**changes: Any) -> Report:
-    return Report("exo", "exo report", "0.1.0", "2026-11-20T14:05:37+00:00", **{"simulated": False, **changes})
+    return Report("exo", "exo report", "2026-11-20T14:05:37+00:00", **{"simulated": False, **changes})
 
 
 # -- what is blanked ------------------------------------------------------------------------------------------------
@@ -190,6 +191,13 @@ def test_a_recording_of_any_length_takes_no_more_memory_and_ends_the_same() -> N
 # -- curves ---------------------------------------------------------------------------------------------------------
 
 
+def curves(samples: Iterable[Sample], decimals: dict[str, int]) -> dict[str, list[Curve]]:
+    found = Curves(decimals)
+    for sample in samples:
+        found.take(sample)
+    return found.groups
+
+
 def sampled(*values: object, **more: object) -> list[Sample]:
     return [
         Sample(number * 0.1, ({"name": "p", "finger": "index", "value": value, **more},))
@@ -309,7 +317,7 @@ def test_everything_is_escaped() -> None:
         curves=curves([Sample(0, ({"name": NASTY, "finger": NASTY, "value": 1, "unit": NASTY, "label": NASTY},))], {}),
         watched=NASTY, counters=[(NASTY, NASTY)], environment=[(NASTY, NASTY)], transcript=[NASTY], privacy=NASTY,
     )  # fmt: skip
-    content.kind = content.command = content.version = content.made = NASTY
+    content.kind = content.command = content.made = NASTY
     text = page(content)
     text.encode("utf-8")
     seen = Page(text)

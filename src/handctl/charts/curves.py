@@ -189,14 +189,6 @@ class Curve:
         return self.low - more, self.high + more
 
 
-def curves(samples: Iterable[Sample], decimals: Mapping[str, int]) -> dict[str, list[Curve]]:
-    """Quantity -> its elements' curves, in the order of the rows."""
-    found = Curves(decimals)
-    for sample in samples:
-        found.take(sample)
-    return found.groups
-
-
 class Curves:
     """The curves of a stream of any length. `count`: of its samples; `seconds`: of the last one."""
 

@@ -135,9 +135,8 @@ class Described(click.Command):
         if self._shared is None:
             family = self.family
             wires, own = (family.wires, own_options(family.kind)) if family is not None else ((), ())
-            named = {
-                name for param in self.params for name in param.opts
-            }  # an option of its own stands for the shared one
+            # An option of its own stands for the shared one.
+            named = {name for param in self.params for name in param.opts}
             shared = shared_options(wires, own, self.refused())
             self._shared = [option for option in shared if not named & {*option.opts}]
         return [*self._own, *self._shared]

@@ -8,7 +8,7 @@ leaves it out with `without` and defines it itself.
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from functools import partial
 from importlib import import_module
 from typing import Any
@@ -88,9 +88,8 @@ def add_map_verbs(
     ) -> Table:
         """Show a health summary: the present values, with errors decoded."""
         run.said.include_ids = include_ids
-        seen = (
-            None if by is None else get_set_watch.picture(params.kind, by)
-        )  # a wrong name is told before the link is opened
+        # A wrong name is told before the link is opened.
+        seen = None if by is None else get_set_watch.picture(params.kind, by)
         bounds = get_set_watch.bounds_of(run, run.mapped(params), limits)
         table = get_set_watch.within(bounds, run.device().status(check))
         table.view = seen or table.view
@@ -299,32 +298,25 @@ def add_map_verbs(
 
     for usual in (status, stop, diff, restore):
         usual.__doc__ = (helps or {}).get(usual.__name__, usual.__doc__)
-    group.verb("scan", "Service")(scan)
-    group.verb("listen", "Service", streams=True)(listen)
-    group.verb("terminal", "Service", writes=True, asks=typed_asks)(terminal)
-    if "stop" not in without:
-        group.verb("stop", "Move", writes=True, stops=True)(stop)
-    asking = {"set": set_asks, "restore": True}
-    for name, heading, body, writes in (
-        ("status", "Inspect", status, False),
-        ("dump", "Inspect", dump, False),
-        ("get", "Inspect", get, False),
-        ("set", "Settings", set_, True),
-        ("describe", "Inspect", describe, False),
-        ("watch", "Inspect", watch, False),
-        ("log", "Files", log, False),
-        ("export", "Files", export, False),
-        ("snapshot", "Files", snapshot, False),
-        ("diff", "Files", diff, False),
-        ("restore", "Files", restore, True),
-        ("report", "Service", report, False),
-        ("doctor", "Service", doctor, False),
-    ):
+    verbs: tuple[tuple[str, str, Callable[..., Any], dict[str, Any]], ...] = (
+        ("scan", "Service", scan, {}),
+        ("listen", "Service", listen, {"streams": True}),
+        ("terminal", "Service", terminal, {"writes": True, "asks": typed_asks}),
+        ("stop", "Move", stop, {"writes": True, "stops": True}),
+        ("status", "Inspect", status, {}),
+        ("dump", "Inspect", dump, {}),
+        ("get", "Inspect", get, {}),
+        ("set", "Settings", set_, {"writes": True, "asks": set_asks}),
+        ("describe", "Inspect", describe, {"offline": True}),
+        ("watch", "Inspect", watch, {"streams": True}),
+        ("log", "Files", log, {}),
+        ("export", "Files", export, {"offline": True}),
+        ("snapshot", "Files", snapshot, {}),
+        ("diff", "Files", diff, {"offline_when": lambda typed: typed.get("b") is not None}),
+        ("restore", "Files", restore, {"writes": True, "asks": True}),
+        ("report", "Service", report, {}),
+        ("doctor", "Service", doctor, {}),
+    )
+    for name, heading, body, traits in verbs:
         if name not in without:
-            more = {
-                "streams": name == "watch",
-                "offline": name in ("describe", "export"),
-                "offline_when": (lambda typed: typed.get("b") is not None) if name == "diff" else None,
-                "asks": asking.get(name, False),
-            }
-            group.verb(name, heading, writes=writes, **more)(body)
+            group.verb(name, heading, **traits)(body)

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from handctl.command.config import Config, Statement, parse, read_config, statements
 from handctl.errors import OutputError, UsageError
 from handctl.files import as_text, atomic_write, writing
-from handctl.system import clock, file_locks
+from handctl.system import clock, file_locks, serial_ports
 
 WAIT_SECONDS = 5.0
 """For another handctl that is editing the same file."""
@@ -187,16 +187,5 @@ def stable_name(port: str) -> str:
     for link in links:
         if os.path.realpath(link) == real:
             return link
-    folder = os.path.realpath(os.path.join(TTY, name, "device"))
-    while len(folder) > 1 and not os.path.exists(os.path.join(folder, "idVendor")):
-        folder = os.path.dirname(folder)
-    vendor, product, serial = (_line(os.path.join(folder, key)) for key in ("idVendor", "idProduct", "serial"))
-    return ":".join(filter(None, ("usb", vendor, product, serial))) if vendor and product else ""
-
-
-def _line(path: str) -> str:
-    try:
-        with open(path, encoding="utf-8") as file:
-            return file.read().strip()
-    except (OSError, UnicodeDecodeError):
-        return ""
+    usb = serial_ports.usb_name(serial_ports.usb_folder(os.path.join(TTY, name, "device")))
+    return f"usb:{usb}" if usb else ""

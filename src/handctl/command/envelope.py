@@ -122,14 +122,19 @@ def late_envelope(args: Sequence[str], error: HandctlError, streams: bool, comma
 def explained_error(run: Invocation, error: HandctlError) -> HandctlError:
     """The error as it is told: whose bytes came, or why nobody answered, as far as the family knows."""
     error = renamed(run, error)
+    try:
+        return why_silent(run, error)
+    except (HandctlError, KeyboardInterrupt):
+        return error
+
+
+def why_silent(run: Invocation, error: HandctlError) -> HandctlError:
+    """The error, or a better one where nothing valid ever came, as far as the family knows. Asks the device; raises HandctlError."""
     explain_silence = run.family.explain_silence
     silent = error.exit_code in (4, 5) and run.journal.counters.received == 0
     if run.opened is None or explain_silence is None or not silent or run.settings.baud is not None:
         return error
-    try:
-        return explain_silence(run.opened, error)
-    except (HandctlError, KeyboardInterrupt):
-        return error
+    return explain_silence(run.opened, error)
 
 
 def renamed(run: Invocation, error: HandctlError) -> HandctlError:

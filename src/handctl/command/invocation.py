@@ -260,9 +260,8 @@ def _check_columns(run: Invocation) -> None:
     settings = run.settings
     how = stream_format(run) if run.streams else settings.format
     typed = run.sources.get("append") == COMMAND_LINE
-    records = run.command.endswith(" log") or (
-        run.streams and bool(run.outputs)
-    )  # a stream has a file only for a recording
+    # A stream has a file only for a recording.
+    records = run.command.endswith(" log") or (run.streams and bool(run.outputs))
     trials = typed and records and not settings.output
     append = settings.append and (trials or (how == "csv" and bool(settings.output) and not run.streams))
     time = settings.time and how not in ("table", "openmetrics")

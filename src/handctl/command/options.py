@@ -87,9 +87,8 @@ class _File(click.Path):
     reads = False
 
     def __init__(self, *, additional: tuple[str, ...] = (), grows: bool = False) -> None:
-        super().__init__(
-            dir_okay=not self.reads
-        )  # of one to write a folder is refused where it is known what is written
+        # Of one to write a folder is refused where it is known what is written.
+        super().__init__(dir_okay=not self.reads)
         self.additional = additional
         self.grows = grows
 

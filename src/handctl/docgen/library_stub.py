@@ -165,10 +165,8 @@ def _default(argument: Argument) -> str:
 
 def _opening(function: str, kind: str) -> str:
     """One overload of `connect` or `simulate`."""
-    assert HOST == ("timeout", "deadline", "retries", "trace", "history", "assume_identity") and SHARED == (
-        "id",
-        "baud",
-    )
+    assert HOST == ("timeout", "deadline", "retries", "trace", "history", "assume_identity")
+    assert SHARED == ("id", "baud")
     host = ["timeout: Number | None = None", "deadline: Number | None = None", "retries: int | None = None"]
     history = f"Literal[{', '.join(map(repr, HISTORY))}] = {HISTORY[0]!r}".replace("'", '"')
     host += ["trace: Path | None = None", f"history: {history}", "assume_identity: bool = False"]

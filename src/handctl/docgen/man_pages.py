@@ -101,8 +101,8 @@ def one(tree: Node, command: str = "") -> str:
     return next((_command(node, tree) for node in tree.children if node.path[0] == command), "") or _root(tree)
 
 
-def _page(name: str, summary: str) -> Page:
-    page = Page(name, EDITION, f"handctl {__version__}", "handctl manual")
+def _page(name: str, summary: str, section: int = 1) -> Page:
+    page = Page(name, EDITION, f"handctl {__version__}", "handctl manual", section=section)
     page.section("NAME")
     page.para(f"{escape(name)} \\- {escape(summary)}")
     return page
@@ -346,9 +346,7 @@ def _sentence(text: str) -> str:
 def guide(text: str) -> str:
     """One guide as a page of section 7."""
     name, summary = guides.title(text)
-    made = Page(name, EDITION, f"handctl {__version__}", "handctl manual", section=7)
-    made.section("NAME")
-    made.para(f"{escape(name)} \\- {escape(summary)}")
+    made = _page(name, summary, 7)
     for number, block in enumerate(guides.blocks(text)):
         if not number and not isinstance(block, Heading):
             made.section("DESCRIPTION")
@@ -374,7 +372,7 @@ def words(text: str) -> str:
     """Marked text in which the names of pages are bold."""
     made, place = "", 0
     for found in REFERENCE.finditer(text):
-        made += marked(text[place : found.start()]) + f"\\%{bold(found[1])}({found[2]})"
+        made += marked(text[place : found.start()]) + _reference(found[1], int(found[2]))
         place = found.end()
     return made + marked(text[place:])
 

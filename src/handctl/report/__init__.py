@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from handctl import __version__
 from handctl.charts.curves import Curves, outline_svg
 from handctl.command import get_set_watch
+from handctl.command.envelope import why_silent
 from handctl.command.family import load
 from handctl.errors import CheckFailed, HandctlError, LinkError, NoAnswer, OutputError, ProtocolError, UsageError
 from handctl.families import FAMILIES
@@ -76,7 +77,8 @@ class Recorded:
         self.left_out = 0
 
     def append(self, line: str) -> None:
-        """One more."""
+        """One more, with its line end or without."""
+        line = line.rstrip("\n")
         if self._room > 0:
             self._first.append(line)
             self._room -= len(line)
@@ -111,7 +113,7 @@ class Visit:
         """What the device says of itself, without what is private."""
         self.privacy = Privacy(params, wishes.include_ids)
         now = datetime.now(timezone.utc).isoformat(timespec="seconds")
-        self.content = Report(params.kind, run.command, __version__, now, simulated=False)
+        self.content = Report(params.kind, run.command, now, simulated=False)
         self.content.privacy, self.content.masked = _promise(self.privacy), self.privacy.masks
 
     def attempt(self, part: str, action: Callable[[], T]) -> T | None:
@@ -132,10 +134,6 @@ class Visit:
         self.problems.append((part, error))
         silent = isinstance(error, NoAnswer | ProtocolError) and self.run.journal.counters.received == 0
         self.over = isinstance(error, LinkError) or silent
-
-    def record(self, line: str) -> None:
-        """One line from the tap."""
-        self.lines.append(line.rstrip("\n"))
 
     # -- asking --
 
@@ -214,14 +212,10 @@ class Visit:
 
     def _explain_silence(self) -> None:
         """Whether a device that never answered is there in another way (another speed), as every command would say."""
-        run = self.run
-        explain_silence = run.family.explain_silence
-        if not self.problems or run.opened is None or explain_silence is None or run.settings.baud is not None:
-            return
-        part, error = self.problems[-1]
-        if self.over and error.exit_code in (4, 5):
+        if self.problems:
+            part, error = self.problems[-1]
             with contextlib.suppress(HandctlError):
-                self.problems[-1] = (part, explain_silence(run.opened, error))
+                self.problems[-1] = (part, why_silent(self.run, error))
 
     # -- telling --
 
@@ -284,10 +278,8 @@ def report(run: Run, params: ParamMap[Any], path: str, wishes: RequestedOptions)
     refuse(path, wishes.force)
     visit = Visit(run, params, wishes)
     run.in_use = True
-    opening, tap = (
-        run.family.open,
-        TraceWriter(visit.record),
-    )  # a tap of ours, whether or not --trace has one of its own
+    opening = run.family.open
+    tap = TraceWriter(visit.lines.append)  # of ours, whether or not --trace has one of its own
     run.family = run.family._replace(
         open=lambda link, settings, journal: opening(observed(link, tap), settings, journal)
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import chain
 
+from handctl import __version__
 from handctl.charts.curves import Curve, draw, escape, unchanged
 from handctl.errors import HandctlError
 from handctl.families import FAMILIES
@@ -34,7 +35,6 @@ class Report:
 
     kind: str
     command: str
-    version: str
     made: str
     simulated: bool
     facts: list[tuple[str, str]] = field(default_factory=list)
@@ -74,20 +74,20 @@ def _section(name: str, body: str, *, shut: bool) -> str:
     return f'<section id="{key}" aria-labelledby="h-{key}">{inner}</section>\n'
 
 
-def plain_page(title: str, body: Iterable[str], style: str, version: str) -> str:
+def plain_page(title: str, body: Iterable[str], style: str) -> str:
     """A page of finished pieces below a title."""
     pieces = "".join(f'<div class="scroll">{piece}</div>\n' if piece.startswith("<svg") else piece for piece in body)
-    return f'{_head(title, version, style)}<h1>{escape(title)}</h1>\n<main class="wide">\n{pieces}</main>\n</body>\n</html>\n'
+    return f'{_head(title, style)}<h1>{escape(title)}</h1>\n<main class="wide">\n{pieces}</main>\n</body>\n</html>\n'
 
 
-def _head(title: str, version: str, more: str = "") -> str:
+def _head(title: str, more: str = "") -> str:
     style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
     return (
         f'{PAGE}\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         '<meta name="referrer" content="no-referrer">\n'
-        f'<meta name="generator" content="handctl {escape(version)}">\n'
+        f'<meta name="generator" content="handctl {escape(__version__)}">\n'
         f"<title>{escape(title)}</title>\n<style>\n{style}{more}</style>\n</head>\n<body>\n"
     )
 
@@ -112,7 +112,7 @@ def page(report: Report) -> str:
     )
     links = "".join(f'<li><a href="#{name.lower()}">{name}</a></li>' for name in (*head, *SECTIONS))
     return (
-        f"{_head(title, report.version)}"
+        f"{_head(title)}"
         f'{_header(report)}<nav aria-label="Sections"><ul>{links}</ul></nav>\n<main>\n{sections}</main>\n'
         f'<footer><p class="note">This page is {escape(report.privacy)}.</p></footer>\n{_data(report)}</body>\n</html>\n'
     )
@@ -125,7 +125,7 @@ def _name(kind: str) -> str:
 
 def _header(report: Report) -> str:
     mark = '<p class="mark">Simulated: these values are not from a device</p>\n' if report.simulated else ""
-    known = [*report.facts, ("made", report.made), ("tool", f"handctl {report.version} ({report.command})")]
+    known = [*report.facts, ("made", report.made), ("tool", f"handctl {__version__} ({report.command})")]
     return f"<header>\n{mark}<h1>{escape(_name(report.kind))}: service report</h1>\n{facts(known)}{_problems(report)}</header>\n"
 
 

@@ -215,13 +215,7 @@ class View:
     """Draws the latest sample; also a rich renderable, so that the window's size is asked at each drawing."""
 
     def __init__(self, table: Table, context: Context) -> None:
-        self._ranges, self._scales = table.ranges, table.scales
-        self._flags = table.flags
-        self._decimals = table.decimals
-        self._pictures = table.pictures
-        self._remedies = table.remedies
-        self._bounds = table.bounds
-        self._highest = table.highest
+        self._table = table
         self._rows: list[Row] = []
         self._context = context
         self._link = "" if table.cards else text_shown(context.settings.device or context.link_name()).partition("?")[0]
@@ -248,14 +242,14 @@ class View:
         self._seconds = sample.t
         self._failed = ""
         self._rows = list(sample.rows)
-        for row in sample.rows if not self._pictures else ():
+        for row in sample.rows if not self._table.pictures else ():
             key = key_of(row)
             if key not in self._series:
-                limits = self._ranges.get(key[0]) or self._scales.get(key[0])
-                self._series[key] = Series(row, limits, self._decimals.get(key[0], 0))
-                self._series[key].documented = key[0] in self._ranges
-                self._series[key].bounds = [bound for bound in self._bounds if row.get("path") in bound.paths]
-                self._series[key].highest = self._highest.get(str(row.get("path")))
+                limits = self._table.ranges.get(key[0]) or self._table.scales.get(key[0])
+                self._series[key] = Series(row, limits, self._table.decimals.get(key[0], 0))
+                self._series[key].documented = key[0] in self._table.ranges
+                self._series[key].bounds = [bound for bound in self._table.bounds if row.get("path") in bound.paths]
+                self._series[key].highest = self._table.highest.get(str(row.get("path")))
             self._series[key].add(row, sample.t)
             self._failed = text_shown(str(row.get("error") or self._failed))
 
@@ -287,7 +281,7 @@ class View:
 
     def _body(self, width: int, height: int) -> list[Text]:
         """All quantities. What does not fit loses its bar, the last one first; single values without a bar then share lines."""
-        if self._pictures:
+        if self._table.pictures:
             return self._picture(width, height)
         groups: dict[str, list[Series]] = {}
         for series in self._series.values():
@@ -405,12 +399,12 @@ class View:
         said: dict[str, list[str]] = {}
         for one in group:
             said.setdefault(one.label if one.value is not None else "?", []).append(one.part)
-        alarming = group[0].name in self._flags
+        alarming = group[0].name in self._table.flags
         if alarming and list(said) == ["ok"]:
             return flowing([Text("ok", style="green")], width, head=f"{group[0].name} ")
         if alarming:
             said.pop("ok", None)
-            order = list(self._remedies)
+            order = list(self._table.remedies)
             said = dict(
                 sorted(
                     said.items(),
@@ -427,7 +421,7 @@ class View:
 
     def _remedy(self) -> str:
         """The most urgent error, who has it, and what to do about it."""
-        for name, remedy in self._remedies.items():
+        for name, remedy in self._table.remedies.items():
             if who := [
                 key_of(row)[1] for row in self._rows if name in row.get("errors", ()) or row.get("label") == name
             ]:
@@ -464,7 +458,7 @@ class View:
     def _picture(self, width: int, height: int) -> list[Text]:
         """The first picture that fits, or the last one."""
         lines: list[Text] = []
-        for picture in self._pictures if self._rows else ():
+        for picture in self._table.pictures if self._rows else ():
             lines = [line for grid in picture(self._rows) for line in grid_lines(grid)]
             if len(lines) <= height and all(line.cell_len <= width for line in lines):
                 break
@@ -476,11 +470,13 @@ class View:
         return Text.assemble(f"{series.name} ", (value, tone_of(series)), f" {series.unit}" if series.unit else "")
 
     def _alarming(self, group: Sequence[Series]) -> bool:
-        return any(series.value is None or (series.name in self._flags and series.label != "ok") for series in group)
+        return any(
+            series.value is None or (series.name in self._table.flags and series.label != "ok") for series in group
+        )
 
     def _worded(self, group: Sequence[Series]) -> bool:
         """Whether to show words instead of numbers: for bits, and for a quantity without a unit whose elements all have labels."""
-        return group[0].name in self._flags or (not group[0].unit and all(series.label for series in group))
+        return group[0].name in self._table.flags or (not group[0].unit and all(series.label for series in group))
 
     def _widths(self, groups: dict[str, list[Series]], width: int) -> Widths:
         every = list(self._series.values())
@@ -540,7 +536,7 @@ class View:
         """What needs a person, each as one piece: errors by finger, failed reads, what is past its limit."""
         groups: dict[tuple[str, str], list[str]] = {}
         for one in self._series.values():
-            if one.value is None or (one.name in self._flags and one.label != "ok"):
+            if one.value is None or (one.name in self._table.flags and one.label != "ok"):
                 word = "not read" if one.value is None else one.label
                 groups.setdefault((one.name, word), []).append(part_name(one))
         said = [f"{' '.join((name, ', '.join(parts))).strip()}: {word}" for (name, word), parts in groups.items()]
@@ -550,7 +546,7 @@ class View:
         """Each quantity with its lowest and highest value of now, as one piece."""
         groups: dict[str, list[Series]] = {}
         for one in self._series.values():
-            if one.value is not None and one.name not in self._flags and not one.doubtful:
+            if one.value is not None and one.name not in self._table.flags and not one.doubtful:
                 groups.setdefault(one.name, []).append(one)
         pieces = []
         for name, group in groups.items():
@@ -616,17 +612,19 @@ class View:
         """A quantity as values one after the other, a line per finger where fingers have several; as many as needed."""
         name, unit = group[0].name, group[0].unit
         worded = self._worded(group)
-        if name in self._flags and all(series.label == "ok" for series in group):
+        if name in self._table.flags and all(series.label == "ok" for series in group):
             return flowing([Text("ok", style="green")], widths.window, head=f"{name:<{widths.name}}")
         lines: list[Text] = [] if worded else self._matrix(group, widths)
         for part in dict.fromkeys(series.part if series.element else "" for series in group) if not lines else ():
             items = []
             for series in group:
-                if (series.element and series.part != part) or (name in self._flags and series.label == "ok"):
+                if (series.element and series.part != part) or (name in self._table.flags and series.label == "ok"):
                     continue
                 shown = series.label if worded and series.value is not None else series.text(series.value)
                 label = series.element or series.part
-                items.append(Text.assemble(f"{label} " if label else "", (shown, tone_of(series, name in self._flags))))
+                items.append(
+                    Text.assemble(f"{label} " if label else "", (shown, tone_of(series, name in self._table.flags)))
+                )
             if items and unit:
                 items[-1].append(f" {unit}")
             first = name if not lines else ""

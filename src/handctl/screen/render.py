@@ -428,9 +428,7 @@ def _json_envelope(envelope: dict[str, Any], blocks: Iterable[str]) -> Iterator[
 
 def _plain_line(table: Table, row: Row, before: tuple[str, ...]) -> str:
     keys = before + (table.plain or tuple(column.key for column in table.columns))
-    if "error" in row and "value" in keys:
-        return "\t".join("" if key == "value" else text_of(row.get(key)) for key in keys) + "\n"
-    return "\t".join(text_of(row.get(key)) for key in keys) + "\n"
+    return "\t".join("" if key == "value" and "error" in row else text_of(row.get(key)) for key in keys) + "\n"
 
 
 # -- tables for people --------------------------------------------------------------------------------------------

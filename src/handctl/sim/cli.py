@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import inspect
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -79,7 +80,7 @@ def _of_device(command: click.Command) -> Sections:
         ("Further options, for --set", {"power-cycle": LINE_OPTIONS["power-cycle"], **options, **model.OPTIONS}),
     ]
 
-    def new(rows: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    def new(rows: Mapping[str, Any], known: Mapping[str, Any]) -> dict[str, Any]:
         return {name: row for name, row in rows.items() if known.get(name) != row}
 
     if "--modbus-tcp" in flags:

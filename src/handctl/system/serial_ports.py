@@ -218,6 +218,32 @@ def described(port: Any) -> str:
     return "  ".join(filter(None, (str(port.device), maker, usb)))
 
 
+# -- adapters as Linux describes them below /sys -----------------------------------------------------------------------
+
+
+def usb_folder(device: str | os.PathLike[str]) -> str:
+    """The folder of the USB device that a port belongs to, by the port's `device` in /sys; "" where it is none."""
+    folder = os.path.realpath(device)
+    while len(folder) > 1 and not os.path.exists(os.path.join(folder, "idVendor")):
+        folder = os.path.dirname(folder)
+    return folder if len(folder) > 1 else ""
+
+
+def usb_name(folder: str) -> str:
+    """VID:PID[:SERIAL] of a USB device, in hex, as in a `usb:` link; "" where there is none."""
+    parts = [text_in(os.path.join(folder, key)) for key in ("idVendor", "idProduct", "serial")]
+    return ":".join(filter(None, parts)) if all(parts[:2]) else ""
+
+
+def text_in(path: str | os.PathLike[str]) -> str:
+    """A small text file of the system without surrounding white space; "" when it cannot be read."""
+    try:
+        with open(path, encoding="utf-8", errors="replace") as file:
+            return file.read().strip()
+    except OSError:
+        return ""
+
+
 # -- drivers of serial adapters on Windows: name, latency timer, and adapters that got none ---------------------------
 
 

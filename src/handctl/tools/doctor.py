@@ -29,7 +29,7 @@ from handctl.model.scan_task import LABEL_HINT
 from handctl.system import advice
 from handctl.tools import port_problems
 from handctl.tools.doctor_link import LinkChecks, host_in, is_local, same_address, subnet
-from handctl.tools.family_probe import family_of, has_speed, listened, probe_of, usual_ports, wire_of
+from handctl.tools.family_probe import family_of, has_speed, listened, probe_of, set_speed, usual_ports, wire_of
 from handctl.tools.port_inventory import GRABBERS, Machine, Port, needed
 from handctl.tools.scan_link import LinkScan
 from handctl.tools.scan_report import Search, report
@@ -372,7 +372,7 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
     if search.rows:
         row = search.rows[0]
         speed = row.get("baud") if has_speed(link) else None
-        _set(link, speed or was)
+        set_speed(link, speed or was)
         where = "".join(
             (f" with id {row['id']}" if row["id"] is not None else "", f" at {speed} bit/s" if speed else "")
         )
@@ -381,15 +381,10 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
         return row["family"], row["id"], Check("device", "ok", f"{row['family']}{where}: {row['evidence']}")
     for step, error in search.met.items():
         if error.code in DESTROYED:
-            _set(link, step.speed or was)
+            set_speed(link, step.speed or was)
             text = f"something replies like {step.family}, but no reply is complete: {error.text}"
             return step.family, None, Check("device", "warning", text, error.hint)
-    _set(link, was)
+    set_speed(link, was)
     nobody = report([search], SCAN_ORDER, run.journal).failure
     assert nobody is not None
     return "", None, Check("device", "fail", nobody.text, nobody.hint)
-
-
-def _set(link: Link, speed: int | None) -> None:
-    if speed is not None and has_speed(link) and getattr(link, "baud", None) != speed:
-        link.set_baud(speed)  # type: ignore[attr-defined]

@@ -455,20 +455,14 @@ def _errors(it: LinkChecks) -> Verdict:
     if status == "ok":
         return status, text
     if it.line.others or "wrong-id" in series.failed:
-        return status, text, ONE_MASTER
-    if total and {*series.failed} <= {"no-answer"}:
-        return (
-            status,
-            text,
-            "close other programs on this port, check the plug, or give a longer --timeout: replies are lost",
-        )
-    if it.network_alone:
-        return (
-            status,
-            text,
-            "record the bytes with --trace FILE, and ask the vendor: a network does not corrupt data, the device sent it",
-        )
-    return status, text, "check cable, ground and hub: data is corrupted. Two devices with one id can also cause this"
+        remedy = ONE_MASTER
+    elif total and {*series.failed} <= {"no-answer"}:
+        remedy = "close other programs on this port, check the plug, or give a longer --timeout: replies are lost"
+    elif it.network_alone:
+        remedy = "record the bytes with --trace FILE, and ask the vendor: a network does not corrupt data, the device sent it"
+    else:
+        remedy = "check cable, ground and hub: data is corrupted. Two devices with one id can also cause this"
+    return status, text, remedy
 
 
 def _round_trip(it: LinkChecks) -> Verdict:

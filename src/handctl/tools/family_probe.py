@@ -89,6 +89,12 @@ def has_speed(link: Link) -> bool:
     return bool(getattr(link, "can_set_baud", False))
 
 
+def set_speed(link: Link, speed: int | None) -> None:
+    """Change it where it is another one, and can be changed; None = as it is."""
+    if speed is not None and has_speed(link) and getattr(link, "baud", None) != speed:
+        link.set_baud(speed)  # type: ignore[attr-defined]
+
+
 def listened(link: ByteLink, deadline: Deadline) -> bytes:
     """What comes without having been asked for just now."""
     came = b""

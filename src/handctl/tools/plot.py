@@ -14,7 +14,7 @@ from typing import Any, BinaryIO
 
 import click
 
-from handctl import __version__, files
+from handctl import files
 from handctl.charts.curves import PIXELS, SIDE, STYLE, Curve, Strip, escape, outline_svg, picture, unchanged
 from handctl.command.command_tree import Command
 from handctl.command.options import InFile
@@ -59,12 +59,8 @@ LARGEST_SIDECAR = 1 << 26
 NEXT = "plot takes what `watch -o FILE.csv`, `log FILE.csv` or `realtime -o FILE.csv` wrote"
 
 
-@dataclass(slots=True)
-class Track:
-    """The curve of one column."""
-
-    curve: Curve
-    factor: float = 1.0
+Track = tuple[Curve, float]
+"""The curve of one column, and the factor from its unit to that of the curve."""
 
 
 @dataclass(slots=True)
@@ -156,7 +152,7 @@ class _Reading:
             found.rows += 1
         flush(block, before)
         found.seconds = before
-        found.curves = [track.curve for track in self._tracks.values() if track is not None and track.curve.count]
+        found.curves = [track[0] for track in self._tracks.values() if track is not None and track[0].count]
 
     def _rows(self) -> Iterator[list[str]]:
         """The whole rows."""
@@ -198,14 +194,14 @@ class _Reading:
         self._found.holes.append((start, end))
         for track in self._tracks.values():
             if track is not None:
-                track.curve.hole()
+                track[0].hole()
 
     def _wide(self, block: list[list[str]], t: float) -> None:
         """The rows of a pixel: a column each."""
         for number, column in enumerate(zip(*block, strict=True)):
             name = self._header[number]
             if name not in self._tracks:
-                self._tracks[name] = None if name in ABOUT else Track(Curve(*of_column(name)))
+                self._tracks[name] = None if name in ABOUT else (Curve(*of_column(name)), 1.0)
             self._add(name, t, column)
 
     def _long(self, block: list[list[str]], t: float) -> None:
@@ -221,26 +217,27 @@ class _Reading:
                 unit = parts.pop() if "unit" in self._header else ""
                 scale = scale_of(unit)
                 curve = Curve(name, ".".join(filter(None, parts)), scale.unit if scale else unit)
-                self._tracks[key] = Track(curve, float(scale.of(1)) if scale else 1.0)
+                self._tracks[key] = (curve, float(scale.of(1)) if scale else 1.0)
             self._add(key, t, column)
 
     def _add(self, key: Any, t: float, column: Iterable[str]) -> None:
         track = self._tracks[key]
         if track is None:
             return
+        curve, factor = track
         texts = set(column)
         failed = "" in texts
         texts.discard("")
         try:
-            numbers = [float(text) * track.factor for text in texts]
+            numbers = [float(text) * factor for text in texts]
         except ValueError:  # words, such as the name of a state
             self._tracks[key] = None
             return
         if numbers:
-            track.curve.add(t, min(numbers), max(numbers), numbers[-1])
+            curve.add(t, min(numbers), max(numbers), numbers[-1])
         if failed:
-            track.curve.failed += 1
-            track.curve.hole()
+            curve.failed += 1
+            curve.hole()
 
 
 def _sidecar(found: Plotted) -> None:
@@ -350,12 +347,8 @@ def drawn(found: Sequence[Plotted], *, whole: bool) -> str:
     if whole:
         from handctl.report.html import plain_page
 
-        return plain_page(
-            head,
-            [*map(_outlines, found), *pieces, *(f'<p class="note">{escape(line)}</p>\n' for line in still)],
-            STYLE,
-            __version__,
-        )
+        notes = (f'<p class="note">{escape(line)}</p>\n' for line in still)
+        return plain_page(head, [*map(_outlines, found), *pieces, *notes], STYLE)
     folded = [(14 if later else 0, line) for text in still for later, line in enumerate(textwrap.wrap(text, LETTERS))]
     below = "".join(
         f'<text class="small" x="{left}" y="{top + 16 * number}">{escape(line)}</text>\n'

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from handctl.link.port_users import Process, group_of, groups, holders, processes
 from handctl.system import serial_ports
 from handctl.system.processes import user_name
-from handctl.system.serial_ports import Driver
+from handctl.system.serial_ports import Driver, text_in, usb_folder, usb_name
 
 CAN_TYPE = "280"
 """ARPHRD_CAN in /sys/class/net/*/type."""
@@ -179,11 +179,8 @@ class Machine:
         return self.root / str(path).lstrip("/")
 
     def read(self, path: str | Path) -> str:
-        """A small text file without surrounding white space; empty when it cannot be read."""
-        try:
-            return self.at(path).read_text(encoding="utf-8", errors="replace").strip()
-        except OSError:
-            return ""
+        """A small text file, see `text_in`."""
+        return text_in(self.at(path))
 
     # -- serial ports --------------------------------------------------------------------------------------------
 
@@ -216,19 +213,19 @@ class Machine:
     def _port(self, name: str, by_id: Mapping[str, str]) -> Port:
         path = f"/dev/{name}"
         device = (self.at("/sys/class/tty") / name / "device").resolve()
-        usb = _usb_parent(device)
-        link = _usb_name(usb) if usb is not None else ""
+        usb = usb_folder(device)
+        link = usb_name(usb)
         driver = _link_name(device / "driver")
         owner = group_of(self.at(path), self.root)
         group = owner[1] if owner is not None else ""
         _, members = groups(self.root).get(group, (0, ()))
-        latency = self.read(f"/sys/bus/usb-serial/devices/{name}/latency_timer") or _text(device / "latency_timer")
+        latency = self.read(f"/sys/bus/usb-serial/devices/{name}/latency_timer") or text_in(device / "latency_timer")
         return Port(
             path=path,
             by_id=by_id.get(name, ""),
             usb=link,
             driver=driver,
-            product=_text(usb / "product") if usb is not None else "",
+            product=text_in(os.path.join(usb, "product")) if usb else "",
             chip=chip_of(link, driver, name),
             held=tuple(holders(path, self.root)),
             permitted=self.access(self.at(path)),
@@ -263,7 +260,7 @@ class Machine:
         folder = self.at("/sys/bus/usb/devices")
         for name in _entries(folder):
             home = folder / name
-            known = CHIPS.get((_text(home / "idVendor"), _text(home / "idProduct")))
+            known = CHIPS.get((text_in(home / "idVendor"), text_in(home / "idProduct")))
             if known is not None and known.serial and not _has_tty(home):
                 missing.append(known)
         return missing
@@ -322,29 +319,12 @@ def _entries(folder: Path) -> Iterator[str]:
         return
 
 
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8", errors="replace").strip()
-    except OSError:
-        return ""
-
-
 def _link_name(path: Path) -> str:
     """The last part of what a symbolic link points to; empty where there is none."""
     try:
         return os.path.basename(os.readlink(path))
     except OSError:
         return ""
-
-
-def _usb_parent(device: Path) -> Path | None:
-    """The USB device that a tty belongs to."""
-    return next((home for home in (device, *device.parents) if (home / "idVendor").exists()), None)
-
-
-def _usb_name(home: Path) -> str:
-    parts = (_text(home / "idVendor"), _text(home / "idProduct"), _text(home / "serial"))
-    return ":".join(filter(None, parts))
 
 
 def _has_tty(home: Path) -> bool:

@@ -54,7 +54,8 @@ def can_problems(interface: CanInterface) -> list[Problem]:
 
 def permission_remedy(port: Port) -> str:
     """The group to join, or a udev rule where there is no group that would help."""
-    rule = udev_remedy(port, 'MODE="0660", TAG+="uaccess"')
+    found = _matches(port.usb, 'MODE="0660", TAG+="uaccess"') if port.usb else ""
+    rule = _install(f'SUBSYSTEM=="tty", {found}') if found else ""
     remedy = group_remedy(port.group, port.path, member=port.member)
     if port.group in ("", "root"):
         return rule or remedy
@@ -99,14 +100,9 @@ def orphan(chip: Chip) -> tuple[str, str]:
     return f"{chip.name} ({chip.usb}) is plugged in but has no serial port", remedy
 
 
-def udev_remedy(port: Port, action: str) -> str:
-    """A udev rule for this very adapter; empty for a port that is none."""
-    return _install(_matches(port.usb, action, subsystem='SUBSYSTEM=="tty", ')) if port.usb else ""
-
-
-def _matches(usb: str, action: str, subsystem: str = "") -> str:
+def _matches(usb: str, action: str) -> str:
     vendor, product = usb.split(":")[:2]
-    return f'{subsystem}ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", {action}'
+    return f'ATTRS{{idVendor}}=="{vendor}", ATTRS{{idProduct}}=="{product}", {action}'
 
 
 def _install(rule: str) -> str:

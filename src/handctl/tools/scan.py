@@ -38,7 +38,7 @@ from handctl.link.device_lock import Lock, hold
 from handctl.link.transcript import TraceFile, TraceWriter, observed
 from handctl.model.result import Journal, Table
 from handctl.system import clock
-from handctl.tools.family_probe import probe_of, usual_ports, wire_of
+from handctl.tools.family_probe import probe_of, set_speed, usual_ports, wire_of
 from handctl.tools.port_inventory import Machine
 from handctl.tools.scan_link import LinkScan, plan
 from handctl.tools.scan_report import Search, report
@@ -90,15 +90,14 @@ def scan_family(run: Run, ids: str | None, find_all: bool) -> Table:
         raise UsageError(f"--ids: {family.kind} has no device ids", hint="leave --ids out")
     chosen = chosen_ids(run, (family.kind,), "can" if is_can(name) else wire_of(name), ids)
     link = run.open_link()
-    was = link.baud if isinstance(link, ByteLink) else None
+    was = getattr(link, "baud", None)
     search = Search(link.name)
     bound = link.deadline(LONG) if run.end is None else Deadline(link.now, run.end)
     try:
         LinkScan(run, link, search, chosen, find_all, bound).at(_wire(link, name), (family.kind,))
     finally:
         run.prompts.done()
-        if was is not None and isinstance(link, ByteLink) and link.can_set_baud and link.baud != was:
-            link.set_baud(was)
+        set_speed(link, was)
     run.journal.line = search.line
     return report([search], (family.kind,), run.journal)
 

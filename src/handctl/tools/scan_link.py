@@ -15,7 +15,7 @@ from handctl.model.other_family_bytes import has_frame_of
 from handctl.model.result import Journal, LineQuality, Row
 from handctl.model.scan_task import ScanTask, ended_at_first
 from handctl.number_parsing import number_in
-from handctl.tools.family_probe import FamilyProbe, family_of, has_speed, listened, probe_of
+from handctl.tools.family_probe import FamilyProbe, family_of, has_speed, listened, probe_of, set_speed
 from handctl.tools.scan_report import TALKATIVE, Search, Step
 from handctl.tools.trace_reader import FAMILY_EVENT
 
@@ -164,8 +164,7 @@ class LinkScan:
         more = ", again with more patience" if patience else ""
         self._progress = f"{search.link}: {step.family}{at} ({place}{more})"
         self._run.prompts.progress(self._progress)
-        if step.speed is not None and isinstance(link, ByteLink) and link.baud != step.speed:
-            link.set_baud(step.speed)
+        set_speed(link, step.speed)
         return self._found(step, patience)
 
     def _counted(self) -> int:

@@ -131,7 +131,7 @@ class Service:
         self.more: dict[str, Any] = {}
         self.followed: list[Row] = []
         self.lines = Recorded(LONGEST)
-        self.tap = TraceWriter(lambda text: self.lines.append(text.rstrip("\n")))
+        self.tap = TraceWriter(self.lines.append)
         self.hints: dict[str, str] = {}
         """Step -> its own most urgent next step."""
         self.reached = False
@@ -163,12 +163,9 @@ class Service:
             told["ticket"] = told["ticket"] or ask("What is the number of the ticket? Press Enter to skip.")
         self.find(before)
         self.lines.precede(recorded)
-        actions: dict[str, Callable[[], Iterable[Check]]] = {
-            "doctor": self.doctor, "status": self.status, "diagnose": self.diagnose, "watch": self.watch, "dump": self.dump,
-        }  # fmt: skip
-        for name, action in actions.items():
+        for name in wishes.steps:
             if not self._taken_up(name, before):
-                self.step(name, action)
+                self.step(name, getattr(self, name))
         following = self._next()
         self.more["service"] = {**told, "steps": self.steps, "next": following, "report": None}
         return self._report(path, old, before)

@@ -32,7 +32,13 @@ def cli(run: Run, family: str | None) -> None:
     quantities, and the history is kept. `sleep S` waits S seconds. If the port was lost, the next line opens it again. Ctrl-C stops a movement,
     at the prompt too. Ctrl-D ends the shell and stops nothing.
     """
-    shell(run, family or "")
+    if not run.prompts.interactive:
+        raise UsageError("the shell needs a terminal", hint=Hint("send the lines to {}", "batch"), code="no-terminal")
+    if run.settings.output:
+        raise UsageError(
+            "the shell cannot write its output to a file", hint="give -o in a line that you type in the shell"
+        )
+    Shell(run, family or "", input).run()
 
 
 ENDS = ("exit", "quit")
@@ -175,14 +181,3 @@ class Shell:
             for param in params:
                 yield param.name
                 yield from (f"{param.name}.{part}" for part in param.elements)
-
-
-def shell(run: Run, family: str) -> None:
-    """Open the prompt. Raises UsageError where nobody can type."""
-    if not run.prompts.interactive:
-        raise UsageError("the shell needs a terminal", hint=Hint("send the lines to {}", "batch"), code="no-terminal")
-    if run.settings.output:
-        raise UsageError(
-            "the shell cannot write its output to a file", hint="give -o in a line that you type in the shell"
-        )
-    Shell(run, family, input).run()

@@ -19,12 +19,12 @@ from handctl.command.options import COMMAND_LINE, NAMED, Source
 from handctl.command.run import Run
 from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, Hint, UsageError, joined
 from handctl.families import FAMILIES, SCAN_ORDER
-from handctl.link import ByteLink, open_link
+from handctl.link import open_link
 from handctl.link.device_lock import OURS, Reached, canonical, hold, remembered
 from handctl.model.result import Journal, Row, Table
 from handctl.stop.stop_command import each_stopped, is_said, stopped_as, tell_gone, unheard
 from handctl.system.user_folders import config_path
-from handctl.tools.family_probe import family_of, has_speed, probe_of, usual_ports, wire_of
+from handctl.tools.family_probe import family_of, has_speed, probe_of, set_speed, usual_ports, wire_of
 
 if TYPE_CHECKING:
     from handctl.link import Link
@@ -321,14 +321,12 @@ def _asked(link: Link, wire: str, ids: list[int], journal: Journal) -> Row | Non
             continue
         done.add(step.family)
         try:
-            if step.speed is not None and isinstance(link, ByteLink) and link.baud != step.speed:
-                link.set_baud(step.speed)
-            speed = step.speed
+            set_speed(link, step.speed)
             rows = probe_of(step.family).probe(link, quiet, bound, ids, EACH)
         except HandctlError as exc:
             if exc.code == "boot-monitor":
                 return None  # what comes next could be a trigger
             continue
         if rows and rows[0].get("family", step.family) is not None:
-            return {"family": step.family, "evidence": "", **rows[0], "baud": speed}
+            return {"family": step.family, "evidence": "", **rows[0], "baud": step.speed}
     return None

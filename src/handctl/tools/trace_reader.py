@@ -7,6 +7,7 @@ family's explainer, found by name in `families`, makes the pieces.
 from __future__ import annotations
 
 import io
+import json
 import sys
 import textwrap
 from collections import deque
@@ -214,20 +215,18 @@ class TranscriptRow:
 
     def as_row(self) -> Row:
         """For JSON and CSV: the common keys and the family's own, without those that do not apply."""
-        row, shown = self._keys(), self.piece or self.unanswered
-        if shown is not None and shown.values:
-            row["values"] = [{"name": name, "value": value, "unit": unit} for name, value, unit in shown.values]
+        row: Row = json.loads(self.as_json())
         return row
 
     def as_line(self, between: str, say: Callable[[str], str]) -> str:
-        """The same for tables: time, line, direction, round trip in ms, problem, bytes, and what `say` makes of the meaning."""
+        """The row for tables: time, line, direction, round trip in ms, problem, bytes, and what `say` makes of the meaning."""
         shown, (t, line), trip = self.piece or self.unanswered, self.first, self.round_trip
         direction = "" if shown is None else shown.direction
         time, trip_ms = "" if t is None else t, "" if trip is None else round(trip * 1000, 3)
         return f"{time}{between}{line}{between}{direction}{between}{trip_ms}{between}{self.problem}{between}{self.bytes}{between}{say(self.meaning)}"
 
     def as_json(self, begin: str = "{", no_time: str = "", end: str = "}") -> str:
-        """The same as JSON, for a recording of millions: an encoder of anything would take three times as long.
+        """The row as JSON, for a recording of millions: an encoder of anything would take three times as long.
 
         `begin` and `end` are around the keys, `no_time` stands in the place of its time where it has none.
         """
@@ -265,26 +264,6 @@ class TranscriptRow:
             f'"meaning": {_text(self.meaning)}, "problem": {_text(problem) if problem else "null"}'
         )
         return head, own
-
-    def _keys(self) -> Row:
-        """The row without its values, which are the last of it."""
-        piece = self.piece
-        shown = piece or self.unanswered
-        row: Row = {
-            "line": self.first.line, "direction": None if shown is None else shown.direction, "kind": self.kind,
-            "bytes": self.bytes, "meaning": self.meaning, "problem": self.problem or None,
-        }  # fmt: skip
-        if self.first.t is not None:
-            row = {"t": self.first.t, **row}
-        if self.request is not None:
-            row["request_line"] = self.request.line
-        if self.round_trip is not None:
-            row["round_trip_ms"] = round(self.round_trip * 1000, 3)
-        if shown is not None:
-            for key, value in shown.fields.items():
-                if value is not None and key not in row:
-                    row[key] = printable(value) if isinstance(value, str) else value
-        return row
 
 
 def _text(value: Any) -> str:

@@ -99,8 +99,8 @@ ROWS = (
         "wrong id accepted",
         SIM_FRAMES,
         "find",
-        "if head[0:1] and head[0] != device_id:",
-        "if head[0:1] and head[0] == 255:",
+        "if not head or head[0] == device_id:",
+        "if not head or head[0] != 255:",
         "tests/sim/test_exo.py::test_silence",
     ),
     mistake(

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from math import floor, log10
 from typing import Any, NamedTuple
 
-from handctl import __version__
 from handctl.charts.curves import STYLE as CURVE_STYLE
 from handctl.charts.curves import Box, escape, moment, ticks, times
 from handctl.devices.ekso.gait import SIDES, Walk, curve
@@ -48,7 +47,7 @@ class Recording(NamedTuple):
 def page(found: Sequence[Recording], figures: Table) -> str:
     """The whole page; `figures` is the table that the command shows."""
     title = "Gait: " + " and ".join(os.path.basename(one.log.path) for one in found)
-    return plain_page(title, _body(found, figures), STYLE, __version__)
+    return plain_page(title, _body(found, figures), STYLE)
 
 
 def _body(found: Sequence[Recording], figures: Table) -> Iterator[str]:

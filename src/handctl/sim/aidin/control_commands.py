@@ -12,7 +12,7 @@ from typing import Any
 
 from handctl.sim.aidin.device import MODES, Device
 from handctl.sim.aidin.mechanics import FINGERS, STROKES, Motor
-from handctl.sim.engine.state_file import Fields, checked, kept, real, spread
+from handctl.sim.engine.state_file import Fields, checked, kept, place_of, real, spread
 
 HELP = " | ".join(
     (
@@ -48,11 +48,11 @@ def command(device: Device, words: list[str]) -> str | None:
         case ["get", key]:
             return _get(device, key)
         case ["touch", name, *forces] if len(forces) in (3, 6):
-            place = 6 * _finger(name)
+            place = 6 * place_of(name, FINGERS)
             values = [real(force, -1000.0, 1000.0) for force in forces]
             hand.touch[place : place + 6] = [*values, 0.0, 0.0, 0.0][:6]
         case ["sensors", name, *forces] if len(forces) == 6:  # as the hand shows them, with its zero error and bias
-            place, shown = 6 * _finger(name), hand.sensors()
+            place, shown = 6 * place_of(name, FINGERS), hand.sensors()
             for at, force in enumerate(forces, place):
                 hand.touch[at] += real(force, -1000.0, 1000.0) - shown[at]
         case ["block", name]:
@@ -65,7 +65,7 @@ def command(device: Device, words: list[str]) -> str | None:
             motor = _motors(device, name)[2]
             motor.ceiling = max(motor.place, real(counts, 0.0, motor.stroke) + motor.origin)
         case ["release", name]:
-            place = 6 * _finger(name)
+            place = 6 * place_of(name, FINGERS)
             hand.touch[place : place + 6] = [0.0] * 6
             for motor in _motors(device, name):
                 motor.jammed, motor.ceiling = False, float(motor.stroke)
@@ -138,14 +138,8 @@ def restore(device: Device, state: dict[str, Any]) -> None:
 
 
 def _motors(device: Device, name: str) -> list[Motor]:
-    place = 3 * _finger(name)
+    place = 3 * place_of(name, FINGERS)
     return device.hand.motors[place : place + 3]
-
-
-def _finger(name: str) -> int:
-    if name not in FINGERS:
-        raise ValueError(f"unknown finger {name!r}. Known: {', '.join(FINGERS)}")
-    return FINGERS.index(name)
 
 
 def use(device: Device) -> Iterator[float]:

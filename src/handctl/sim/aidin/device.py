@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from handctl.sim.aidin.json_text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
 from handctl.sim.aidin.mechanics import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
-from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import Model, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -78,11 +78,7 @@ _FAULTS = {
     "touched": "an object presses on the fingertip of the index finger",
 }
 ODD = frozenset({"held", "stall", "creep", "stiff", "one-way"})
-SHAKY, NUMB, NOTHING_ODD = (
-    frozenset({20}),
-    frozenset({13}),
-    frozenset[int](),
-)  # places of these channels in sensor_state
+SHAKY, NUMB = frozenset({20}), frozenset({13})  # places of these channels in sensor_state
 STIFF = 4.0
 TOUCH = (1.5, -2.5, 4.5, 0.015, -0.025, 0.035)  # Fx Fy Fz Tx Ty Tz of the fault "touched"
 
@@ -101,9 +97,6 @@ class Device(Model):
         given = self.given
         self._period = 1.0 / given["rate"]
         self.hand = Hand(given, random)
-        # The stream has no requests, so its objects are counted for "after" and "every" on their own.
-        self._after = options.integer("after", 0, 0, 1000000000)
-        self._every = options.integer("every", 1, 1, 1000000000)
         wire = options.integer("wire", -1, 50, 20000000) if options.text("wire") != "auto" else -1
         self._wire = 10.0 / wire if wire > 0 else 0.0
         self._odd: Motor | None = None  # the motor of the faults in ODD
@@ -166,8 +159,8 @@ class Device(Model):
             self._odd.friction = STIFF if "stiff" in faults else 1.0
             self._odd.one_way = "one-way" in faults
             self._odd.floor = self._odd.floor if faults & {"held", "stall"} else 0.0
-        self.hand.shaky = SHAKY if "shaky-sensor" in faults else NOTHING_ODD
-        self.hand.numb = NUMB if "numb-sensor" in faults else NOTHING_ODD
+        self.hand.shaky = SHAKY if "shaky-sensor" in faults else frozenset()
+        self.hand.numb = NUMB if "numb-sensor" in faults else frozenset()
         if "touched" in faults | before:
             self.hand.touch[6:12] = TOUCH if "touched" in faults else [0.0] * 6
 
@@ -205,8 +198,7 @@ class Device(Model):
             self._next_feedback = due + late * self._period
             return
         self._streamed += 1
-        beyond = self._streamed - self._after
-        hits = self.faults if beyond > 0 and beyond % self._every == 0 else NOTHING
+        hits = self.hits_of(self._streamed)  # the stream has no requests: its objects are counted on their own
         self._unwritten += self.writer.feedback(self.hand, hits)
         self._merged += 1
         self._next_feedback = due + self._period

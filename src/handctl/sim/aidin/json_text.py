@@ -72,20 +72,10 @@ class Reader:
             reads = [data[at : at + self._longest] for at in range(0, len(data), self._longest)]
             found = [self._parse(read.partition(b"\0")[0]) for read in reads]
         elif self._style == "tolerant":
-            found = [self._at_once(data)] if self._whole(data) else [self._step(byte) for byte in data]
+            found = [self._step(byte) for byte in data]
         else:
             found = [self._split(byte, 10 if self._style == "lines" else 0) for byte in data]
         return [one for one in found if one is not None]
-
-    def _whole(self, data: bytes) -> bool:
-        """Whether this is one object without another brace in it, and nothing else but blanks."""
-        end = data.find(b"}")
-        flat = data[:1] == b"{" and data.rfind(b"{") == 0 and b"\\" not in data and data.count(b'"', 0, end) % 2 == 0
-        return flat and not self._depth and 0 < end < self._longest and not data[end + 1 :].strip(BLANKS)
-
-    def _at_once(self, data: bytes) -> dict[str, Any] | None:
-        self._text += data.rstrip(BLANKS)
-        return self._finish()
 
     def _step(self, byte: int) -> dict[str, Any] | None:
         """One byte more: braces are counted outside strings, so an object may be cut anywhere."""
@@ -158,7 +148,6 @@ class Writer:
         self._stuck: str | None = None
         self._frozen = b""
         self._shown: object = None  # what was spelled last without a fault
-        self._spelled: dict[str, tuple[object, list[str]]] = {}  # of each key what was spelled last, and how
 
     def feedback(self, hand: Hand, hits: frozenset[str]) -> bytes:
         """All five keys at this moment, spoiled as `hits` wants."""
@@ -195,26 +184,12 @@ class Writer:
     ) -> dict[str, list[str]]:
         long = min(self._digits, 3) if self._digits < 17 else 17
 
-        def row(key: str, source: object, spelled: Callable[[], list[str]]) -> list[str]:
-            """Values that are as they were are not spelled again."""
-            if key not in self._spelled or self._spelled[key][0] != source:
-                self._spelled[key] = source, spelled()
-            return [*self._spelled[key][1]]
-
         return {
-            "motor_pos": row("motor_pos", counts, lambda: [f"{count}{self._point}" for count in counts]),
-            "joint_pos": row(
-                "joint_pos",
-                (counts, scale),
-                lambda: [_number(angle * scale, self._digits) for angle in hand.joints(counts)],
-            ),
-            "task_space_pos": row(
-                "task_space_pos", counts, lambda: [_number(place, long) for place in hand.tips(counts)]
-            ),
-            "current_state": row(
-                "current_state", currents, lambda: [f"{current}{self._point}" for current in currents]
-            ),
-            "sensor_state": row("sensor_state", forces, lambda: [_number(force, self._digits) for force in forces]),
+            "motor_pos": [f"{count}{self._point}" for count in counts],
+            "joint_pos": [_number(angle * scale, self._digits) for angle in hand.joints(counts)],
+            "task_space_pos": [_number(place, long) for place in hand.tips(counts)],
+            "current_state": [f"{current}{self._point}" for current in currents],
+            "sensor_state": [_number(force, self._digits) for force in forces],
         }
 
     def _misread(self, rows: dict[str, list[str]], hits: frozenset[str]) -> None:

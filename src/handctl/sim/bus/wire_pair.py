@@ -111,9 +111,8 @@ class Receiver:
         self._free = -1.0e300  # from here on it waits for the next start bit
         self._seen = -1
         self._next: tuple[float, int, float, float] | None = None
-        self._amid: tuple[Burst, int] | None = (
-            None  # that byte is this one of the only burst ahead, whole and undisturbed
-        )
+        # That byte is this one of the only burst ahead, whole and undisturbed.
+        self._amid: tuple[Burst, int] | None = None
 
     @property
     def speed(self) -> int | None:

@@ -15,6 +15,7 @@ A transcription of its own, raw numbers throughout. Limits are invented; the cod
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from math import ceil, floor
 
@@ -32,13 +33,7 @@ from handctl.sim.ekso.mechanics import (
     Unrest,
     hips,
 )
-from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
-
-TYPE_CHECKING = False  # a simulator loads without the typing module
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from handctl.sim.engine.simulated_device import Rows
+from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, Rows, soonest
 
 # Per word of GetSettings: (name, ParameterID or None, values that SetValue takes, power-on value). The order of the
 # words is not that of the IDs. A range is a limit in hundredths (status 2 beyond it), a set is a list of codes (status

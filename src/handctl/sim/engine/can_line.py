@@ -10,11 +10,7 @@ from __future__ import annotations
 import struct
 
 from handctl.sim.engine.line_and_faults import LINE_FAULTS, LINE_OPTIONS, Cable
-from handctl.sim.engine.simulated_device import Model, Reply, soonest
-
-TYPE_CHECKING = False  # a simulator loads without the typing module
-if TYPE_CHECKING:
-    from handctl.sim.engine.simulated_device import Rows
+from handctl.sim.engine.simulated_device import Model, Reply, Rows, soonest
 
 CAN_OPTIONS: Rows = {
     **LINE_OPTIONS,

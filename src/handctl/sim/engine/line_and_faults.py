@@ -7,17 +7,13 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator, Mapping
+
 from handctl.number_parsing import real_in
-from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, Rows, soonest
 
-TYPE_CHECKING = False  # a simulator loads without the typing module
-if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator, Mapping
-
-    from handctl.sim.engine.simulated_device import Rows
-
-    Taught = tuple[list[str], list[str]]
-    """Control commands that the simulator took, and those that it does not have."""
+Taught = tuple[list[str], list[str]]
+"""Control commands that the simulator took, and those that it does not have."""
 
 LINE_OPTIONS: Rows = {
     "seed": ((0, 0, 4294967295), "start of the random generator, 0..4294967295 (default 0)"),
@@ -172,7 +168,7 @@ class Cable(Switched):
         self._known = {**faults, **model.FAULTS}
         self._faults = self._parse_faults(given["fault"] or "")
         self.device = model(self._options, self._random)
-        self.device.judge = self._judge
+        self.device.judge, self.device.hits_of = self._judge, self._hits
         self.device.faults = self._faults
         self.device.power(True)
         self.hung_up = False

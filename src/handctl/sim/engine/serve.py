@@ -28,7 +28,7 @@ from typing import Any
 from handctl.sim import model_class
 from handctl.sim.engine.can_line import CAN_FAULTS, CAN_OPTIONS, CanLine
 from handctl.sim.engine.line_and_faults import LINE_FAULTS, LINE_OPTIONS, Line, Switched
-from handctl.sim.engine.simulated_device import Options, soonest
+from handctl.sim.engine.simulated_device import Options, Rows, soonest
 from handctl.system import clock, local_socket, terminal
 from handctl.system.signals import Served as Signals
 
@@ -590,5 +590,5 @@ class Wires(Switched):
             line.close()
 
 
-def _cable(bus: str) -> tuple[type[Line] | type[CanLine], dict[str, Any], dict[str, str]]:
+def _cable(bus: str) -> tuple[type[Line] | type[CanLine], Rows, dict[str, str]]:
     return (CanLine, CAN_OPTIONS, CAN_FAULTS) if bus == "can" else (Line, LINE_OPTIONS, LINE_FAULTS)

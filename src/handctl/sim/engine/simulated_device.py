@@ -5,12 +5,12 @@ Knows nothing of any wire format. Time is always passed in (seconds, monotone); 
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
 from itertools import repeat
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator
     from typing import Any, ClassVar, Protocol
 
     class Control(Protocol):
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
         def use(self, device: Any) -> Iterator[float]:
             """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
 
-    Form = Any
-    Rows = dict[str, tuple[Form, str]]
-    """Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
-    default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
-    (default, most) of seconds, or None: any text."""
+
+Rows = Mapping[str, tuple[object, str]]
+"""Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
+default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
+(default, most) of seconds, or None: any text."""
 
 NOTHING: frozenset[str] = frozenset()
 
@@ -73,10 +73,6 @@ class Random:
             liked[self.between(0, len(liked) - 1)] if liked and self.between(0, 1) else self.between(0, 255)
             for _ in range(count)
         )
-
-
-_DEFAULTS: dict[int, tuple[Rows, dict[str, Any]]] = {}
-"""What tables of options come to where nothing is said: many devices are made of few tables."""
 
 
 class Options:
@@ -123,13 +119,9 @@ class Options:
 
     def read(self, rows: Rows) -> dict[str, Any]:
         """The values of these options, each by its form."""
-        if id(rows) not in _DEFAULTS:  # of a table that lasts as long as its module
-            none = Options(self.kind, {}, rows)
-            _DEFAULTS[id(rows)] = rows, {name: none.value(name, form) for name, (form, _) in rows.items()}
-        given = {name: self.value(name, form) for name, (form, _) in rows.items() if name in self.raw}
-        return {**_DEFAULTS[id(rows)][1], **given}
+        return {name: self.value(name, form) for name, (form, _) in rows.items()}
 
-    def value(self, name: str, form: Form) -> Any:
+    def value(self, name: str, form: Any) -> Any:
         match form:
             case bool():
                 return self.choice(name, "01"[form], ("1", "0") if form else ("0", "1")) == "1"
@@ -188,6 +180,7 @@ class Model:
         self.dirty = False  # something that a state file keeps has changed
         self.faults: frozenset[str] = NOTHING
         self.judge: Callable[[], frozenset[str]] = lambda: NOTHING  # asked once for each request that is understood
+        self.hits_of: Callable[[int], frozenset[str]] = lambda _number: NOTHING  # the faults of the N-th, from 1
         self._replies: list[Reply] = []
 
     def boot(self, now: float) -> None:

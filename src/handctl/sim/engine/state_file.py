@@ -65,6 +65,13 @@ def real(text: str, low: float, high: float) -> float:
     return value
 
 
+def place_of(name: str, names: Sequence[str]) -> int:
+    """The place of a finger that somebody typed among all. Raises ValueError."""
+    if name not in names:
+        raise ValueError(f"unknown finger {name!r}. Known: {', '.join(names)}")
+    return names.index(name)
+
+
 def load(path: str, device: Model) -> bool:
     """Puts the state into the device; False when there is no such file, ValueError when it cannot be used."""
     folder = os.path.dirname(path) or "."

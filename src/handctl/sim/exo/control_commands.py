@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.engine.state_file import checked, kept, spread
+from handctl.sim.engine.state_file import checked, kept, place_of, spread
 from handctl.sim.exo.device import SPEEDS, Device
 from handctl.sim.exo.mechanics import CURRENTS, FINGERS, Finger
 from handctl.sim.inspire.memory import MEMORY, poking
@@ -66,9 +66,7 @@ def _poke(device: Device, place: int, data: bytes) -> None:
 
 
 def _finger(device: Device, name: str) -> Finger:
-    if name not in FINGERS:
-        raise ValueError(f"unknown finger {name!r}. Known: {', '.join(FINGERS)}")
-    return device.hand.fingers[FINGERS.index(name)]
+    return device.hand.fingers[place_of(name, FINGERS)]
 
 
 def snapshot(device: Device) -> dict[str, Any]:

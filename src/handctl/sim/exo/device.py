@@ -7,16 +7,13 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 from __future__ import annotations
 
 import struct
+from collections.abc import Sequence
 
 from handctl.sim.engine.simulated_device import Options, Random
 from handctl.sim.exo.mechanics import Hand
 from handctl.sim.inspire.actuator_faults import apply_faults, fault_help, start_hot
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
 from handctl.sim.inspire.memory import Element, Space, differ
-
-TYPE_CHECKING = False  # a simulator loads without the typing module
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 # The second book of registers, exo §2.3: (word, address, bytes per element, elements, access, lowest, highest). 1006 is not
 # in the manual's table (exo §2.3.5 gives no address); it is taken from the RH56 hand of the same maker.

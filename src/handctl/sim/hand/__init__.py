@@ -8,28 +8,20 @@ device.py         its wires: EB90 and Modbus RTU, CAN, Modbus TCP, and what a re
 control_commands.py  control commands, state file, use
 """
 
+from handctl.sim.inspire import EB90
+
 SUMMARY = "RH56 dexterous hand: generations df, tp, f1 and dg2 (serial, CAN, Modbus)."
 MODELS = ("df", "tp", "f1", "dg2")
 WIRES = ("serial", "can", "modbus-tcp")
 
 FACTS: dict[str, dict[object, str]] = {
+    **EB90,
     "generation": {"*": "model={}"},
     "protocol": {"*": "speaks={}"},
     "byte-groups": {"low half first": "", "high half first": "fault=high-half", "one a register": "fault=rtu-unpacked"},
-    "reads-across-gaps": {"answered": "", "silent": "fault=block-silent"},
-    "gap-bytes": {"zeros": "", "silent": "fault=block-silent"},
-    "longest-read": {252: "", 12: "fault=block-silent"},
-    "reply-time": {"*": "turnaround={seconds}"},
     "current-sign": {"signed": ""},
     "speed-register": {1002: "", 1001: "baud-register=1001"},
     "set-points-at-power-on": {-1: ""},
     "write-acknowledgement": {"*": "ack={}"},
-    "id-acknowledged-by": {"new": "", "old": "ack-id=old"},
-    "save-frames": {
-        "acknowledged, result 00 with flag 11": "",
-        "acknowledged, result 00 with flag 12": "result-flag=18",
-        "acknowledged": "fault=no-late-frames",
-    },
-    "calibration-frames": {"reported": "", "not reported": "fault=no-late-frames"},
 }
 """What a fact about a real one makes of the simulated one, see `engine.facts_file`."""

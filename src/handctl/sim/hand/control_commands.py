@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from handctl.number_parsing import whole
-from handctl.sim.engine.state_file import checked, columns, kept, rows_of, spread
+from handctl.sim.engine.state_file import checked, columns, kept, place_of, rows_of, spread
 from handctl.sim.hand.fingers import COURSE, Body, Finger
 from handctl.sim.hand.register_maps import MEMORY
 from handctl.sim.hand.registers import ACTS, Front, Hand
@@ -89,9 +89,7 @@ def poke(hand: Hand, place: int, data: bytes) -> None:
 
 
 def _finger(hand: Hand, name: str) -> Finger:
-    if name not in hand.generation.names:
-        raise ValueError(f"unknown finger {name!r}. Known: {', '.join(hand.generation.names)}")
-    return hand.body.fingers[hand.generation.names.index(name)]
+    return hand.body.fingers[place_of(name, hand.generation.names)]
 
 
 def snapshot(device: Front) -> dict[str, Any]:

@@ -10,11 +10,8 @@ from __future__ import annotations
 from copy import copy
 
 from handctl.sim.engine.simulated_device import Random
+from handctl.sim.hand.register_maps import Generation
 from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo, bounded
-
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from handctl.sim.hand.register_maps import Generation
 
 OPENING, CLOSING, ARRIVED, FORCE_REACHED, PROTECTED, LOCKED, FAULTY, EMERGENCY = 0, 1, 2, 3, 5, 6, 7, 8  # status
 DRIVE_CURRENT = 150.0  # mA more than at rest while a finger moves (100 to 194 were measured, dossier §6)

@@ -6,11 +6,9 @@ taken to be those of the hands of the same maker (exo §2.3.12).
 
 from __future__ import annotations
 
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
-    Latched = Mapping[str, tuple[int, int]]
+Latched = Mapping[str, tuple[int, int]]
 
 HEATING = 0.06  # °C above rest per mA above rest, once settled
 SETTLING = 60.0  # s, time constant of heating and cooling

@@ -27,26 +27,20 @@ def find(buffer: bytes | bytearray, device_id: int, possible: Callable[[int, int
     that fails costs one byte, so that a request behind it, or inside it, is still found.
     """
     start = decided = 0
-    while True:
-        start = buffer.find(b"\xeb\x90", start)
-        if start < 0:
-            return len(buffer) - (1 if buffer[-1:] == b"\xeb" else 0), 0, 0
+    while (start := buffer.find(b"\xeb\x90", start)) >= 0:
         head = buffer[start + 2 : start + 5]
-        if head[0:1] and head[0] != device_id:
-            start += 1
-            continue
-        if len(head) < 3:
-            return start, 0, 0
-        size = head[1] + 5
-        if not possible(head[2], head[1]):
-            start += 1
-            continue
-        if len(buffer) < start + size:
-            return start, 0, 0
-        decided = max(decided, start + size)
-        if buffer[start + size - 1] == _sum(buffer[start + 2 : start + size - 1]):
-            return start, size, decided
+        if not head or head[0] == device_id:
+            if len(head) < 3:
+                return start, 0, 0
+            if possible(head[2], head[1]):
+                size = head[1] + 5
+                if len(buffer) < start + size:
+                    return start, 0, 0
+                decided = max(decided, start + size)
+                if buffer[start + size - 1] == _sum(buffer[start + 2 : start + size - 1]):
+                    return start, size, decided
         start += 1
+    return len(buffer) - (1 if buffer[-1:] == b"\xeb" else 0), 0, 0
 
 
 def frame(device_id: int, flag: int, body: bytes) -> bytes:

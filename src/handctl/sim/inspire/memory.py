@@ -7,6 +7,7 @@ lowest, highest); the values of a row whose lowest is negative are signed.
 from __future__ import annotations
 
 import struct
+from collections.abc import Iterable, Sequence
 
 from handctl.number_parsing import whole
 
@@ -16,9 +17,6 @@ Row = tuple[str, int, int, int, str, int, int]
 Rows = tuple[Row, ...]
 Element = tuple[str, int, int, int, bytes]
 """Of a write: word, number, value, address, bytes."""
-TYPE_CHECKING = False
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
 
 
 class Space:

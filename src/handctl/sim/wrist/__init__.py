@@ -1,12 +1,12 @@
 """The simulated wrist module."""
 
+from handctl.sim.inspire import READING
+
 SUMMARY = "wrist module with the hand behind it (serial, CAN)."
 WIRES = ("serial", "can")
 
 FACTS: dict[str, dict[object, str]] = {
-    "reads-across-gaps": {"answered": "", "silent": "fault=block-silent"},
-    "gap-bytes": {"zeros": "", "silent": "fault=block-silent"},
-    "reply-time": {"*": "turnaround={seconds}"},
+    **READING,
     "current-sign": {"signed": ""},
     "carrier": {"answered": ""},
 }

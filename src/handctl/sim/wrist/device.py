@@ -9,6 +9,8 @@ seen here is evidence about a real wrist. Written from the manual alone, by othe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from handctl.sim.engine.simulated_device import Options, Random
 from handctl.sim.hand import register_maps
 from handctl.sim.hand.registers import OPTIONS as OF_HAND
@@ -17,10 +19,6 @@ from handctl.sim.inspire.actuator_faults import apply_faults, bounded, fault_hel
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Asked, Can, Serial
 from handctl.sim.inspire.memory import Element, Space
 from handctl.sim.wrist.mechanics import PITCH, YAW, Body
-
-TYPE_CHECKING = False  # a simulator loads without the typing module
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 # wrist §2.1; angles in 0.01° with the ranges of wrist §1, currents in mA, time in ms.
 WRIST = (
