@@ -436,7 +436,7 @@ def test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt(mon
     interrupts.end_on_signals(suspend=False)
     try:
         monkeypatch.setattr(hand.line, "ask", moves)
-        run = SimpleNamespace(prompts=Prompts(), out=lambda text: None, simulated=True)
+        run = SimpleNamespace(prompts=Prompts(), out=lambda text: None)
         passthrough.interactive(run, hand, read_line, lambda text: None)  # type: ignore[arg-type]
     finally:
         signals.give_back(before.items())

@@ -52,22 +52,8 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
     limits = limits_of(settings, link)
     own = settings.own
     sign = own.get("position_sign", "")
-    hand = BarrettHand(
-        GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=bool(own.get("interrupt")))
-    )
-
-    def refuse_harm(line: str) -> None:
-        from handctl.devices.barrett.motion import refuse_typed_harm
-
-        refuse_typed_harm(hand, line)
-
-    def count_save() -> None:
-        from handctl.devices.barrett.eeprom_saves import Ledger
-
-        Ledger(hand, simulated=link.fake).count_unknown()
-
-    hand.count_save, hand.refuse_harm = count_save, refuse_harm
-    return hand
+    interrupt = bool(own.get("interrupt"))
+    return BarrettHand(GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=interrupt))
 
 
 def _recall(name: str) -> int | None:
@@ -85,11 +71,9 @@ def _holds_back(name: str) -> str:
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
     from handctl.devices.barrett.maintenance import diagnose
-    from handctl.devices.barrett.maintenance.diagnose import ExaminedHand
 
     hand: BarrettHand = run.device()
-    patient = ExaminedHand(hand, simulated=lambda: run.simulated, name="")
-    findings, failure = diagnose.examine(patient, diagnose.USUAL, run.settings.baud)
+    findings, failure = diagnose.examine(diagnose.ExaminedHand(hand), diagnose.USUAL, run.settings.baud)
     return diagnose.table_of(hand, findings, None, failure)
 
 
@@ -258,7 +242,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
     more = " and will also start with it" if save_too else ""
 
     def change(hand: BarrettHand) -> Table:
-        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if save_too else None
+        ledger = eeprom_saves.Ledger(hand) if save_too else None
         readings = hand.write([(BARRETT.elements("BAUD")[0], code)])
         if ledger is not None:
             hand.do("PSAVE")
@@ -338,12 +322,12 @@ def gcl_(
         run.journal.info("delays", f"handctl waits {seconds:g} s in all between the commands ({at})")
 
     def send(hand: BarrettHand) -> Table:
-        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
+        ledger = eeprom_saves.Ledger(hand) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
         table = passthrough.run_all(hand, lines, keep_going=keep_going, prompts=run.prompts, force=force)
         if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
-            ledger.count_unknown()
+            ledger.count({})
         return table
 
     return _sends(wanted, send)
@@ -453,7 +437,7 @@ def load(run: Run, motors: str | None) -> PlannedAction:
     from handctl.devices.barrett import load_and_defaults
 
     commands = _motors_first(motors, "FLOAD", "PLOAD")
-    return _sends(commands, lambda hand: load_and_defaults.load(hand, commands, simulated=run.simulated))
+    return _sends(commands, lambda hand: load_and_defaults.load(hand, commands))
 
 
 @cli.verb("defaults", "Settings", writes=True, asks=True)
@@ -486,7 +470,7 @@ def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
         if motors is None:
             (code,) = hand.numbers(BARRETT.elements("BAUD"))
             _refuse_to_keep(code, force)
-        return eeprom_saves.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
+        return eeprom_saves.save(hand, force=force, prefix=prefix_of(motors))
 
     return _sends(_saves(motors), keep)
 
@@ -536,7 +520,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, .
     def write(hand: BarrettHand) -> Table:
         table = whole(hand)
         if table.failure is None:  # an interrupted restore has not brought about what was to be saved
-            eeprom_saves.save(hand, force=True, simulated=run.simulated)
+            eeprom_saves.save(hand, force=True)
         return table
 
     steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731

@@ -274,10 +274,10 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None], 
     try:
         before(text)
         guard.before(text)
-        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if saves([text]) else None
+        ledger = eeprom_saves.Ledger(hand) if saves([text]) else None
         answer = ask(hand, text, run.prompts)
         if ledger is not None and not answer.status:
-            ledger.count_unknown()
+            ledger.count({})
         for line in answer.lines:
             run.out(line)
         error = objection(hand, answer)

@@ -69,8 +69,8 @@ class Values(dict[tuple[str, str | None], int]):
 class ExaminedHand:
     """One hand under diagnosis: what was read of it, once."""
 
-    def __init__(self, hand: BarrettHand, *, simulated: Callable[[], bool], name: str = "") -> None:
-        self.hand, self.simulated, self.name = hand, simulated, name
+    def __init__(self, hand: BarrettHand, name: str = "") -> None:
+        self.hand, self.name = hand, name
         self._values: Values | None = None
 
     @property
@@ -82,7 +82,7 @@ class ExaminedHand:
 
     def greasing(self) -> list[Row]:
         """Strokes since the last greasing, a row a point and motor."""
-        return lubrication.MaintenanceLog(self.hand, simulated=self.simulated(), name=self.name).lubrication()
+        return lubrication.MaintenanceLog(self.hand, self.name).lubrication()
 
     def read(self, *names: str) -> Values:
         """Parameters of all motors, all of them without names."""
