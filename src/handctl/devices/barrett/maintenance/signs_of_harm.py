@@ -89,7 +89,7 @@ def _between_looks(
 ) -> tuple[list[Row], float]:
     before = _unharmed(hand)
     calm = damage(hand.journal.counters)
-    table, seconds = motion.timed(hand, prefix, name, argument, prompts, expect=ENDED)
+    table = motion.move(hand, prefix, name, argument, prompts, expect=ENDED)
     after = _unharmed(hand)
     text = f"{hand.link.name}: {motion.command_text(prefix, name, argument)}"
     if damage(hand.journal.counters) != calm:
@@ -99,7 +99,7 @@ def _between_looks(
         _judge_way(text, name, row, before, after)
     if table.failure is not None:
         raise table.failure
-    return table.rows, seconds
+    return table.rows, table.seconds
 
 
 def _unharmed(hand: BarrettHand) -> At:
