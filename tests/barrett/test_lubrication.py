@@ -157,7 +157,7 @@ def test_thresholds() -> None:
 
 def test_setting_thresholds() -> None:
     def verdict(name: str, motor: str | None, value: int) -> str:
-        found = health_limits.settings({(name, motor): value})
+        found = list(health_limits.settings({(name, motor): value}))
         assert len(found) <= 1
         return found[0].status if found else OK
 

@@ -283,8 +283,8 @@ ROWS = (
         "false value",
         "handctl.devices.barrett.realtime.control_laws",
         "Known.see",
-        "self.feedback[index, name] = value * factors.get(name, 1)",
-        'self.feedback[index, name] = value * factors.get(name, 1) * (-1 if name == "delta" else 1)',
+        "self.feedback[index, name] = layout.motors[index].scaled(name, value)",
+        'self.feedback[index, name] = layout.motors[index].scaled(name, value) * (-1 if name == "delta" else 1)',
         "tests/barrett/test_laws.py::test_a_pd_hold_brings_a_pushed_finger_back",
     ),
     mistake(
@@ -771,8 +771,8 @@ ROWS = (
         "unit",
         "handctl.devices.barrett.maintenance.health_limits",
         "_heat",
-        'return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]',
-        "return []",
+        'yield Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)',
+        "yield from ()",
         "tests/barrett/test_diagnose.py::test_the_forecast_of_heat_names_both_temperatures_in_degrees",
     ),
     mistake(
@@ -780,8 +780,8 @@ ROWS = (
         "range off by one",
         "handctl.devices.barrett.maintenance.health_limits",
         "_strain",
-        "if (high < OFF and now >= high) or (low < OFF and now <= low):",
-        "if (high < OFF and now > high) or (low < OFF and now < low):",
+        "elif (high < OFF and now >= high) or (low < OFF and now <= low):",
+        "elif (high < OFF and now > high) or (low < OFF and now < low):",
         "tests/barrett/test_diagnose.py::test_checks",
     ),
     mistake(

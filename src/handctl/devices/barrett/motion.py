@@ -40,16 +40,14 @@ from handctl.number_parsing import number_in
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
 """Where a movement without argument goes."""
 NEEDED = {
-    "HI": (),
-    "O": ("OT", "CT", "P", "IVEL"),
+    "O": ("OT", "CT", "P"),
     "C": ("CT", "OT", "P"),
-    "M": ("DP", "P", "IVEL"),
-    "IO": ("P", "DS", "IVEL"),
+    "M": ("DP", "P"),
+    "IO": ("P", "DS"),
     "IC": ("P", "DS"),
-    "HOME": ("P", "IVEL"),
-    "TO": ("IVEL",),
+    "HOME": ("P",),
 }
-"""What is asked before a movement: for its goal, and for what would harm."""
+"""What is asked before a movement for its goal; IVEL and the velocity follow, for what would harm."""
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
 COLUMNS = (
@@ -60,10 +58,8 @@ COLUMNS = (
     Column("ended", "Ended"),
     ARRIVAL,
 )
-TORQUE = ("TC", "TO")
-"""Movements that end at a stall: they have no target (barrett §5.5)."""
-CLOSING = {"TC": 1, "TO": -1}
-"""Which way they go: 1 closes."""
+TORQUE = {"TC": 1, "TO": -1}
+"""Movements that end at a stall: they have no target (barrett §5.5). Which way they go: 1 closes."""
 
 
 def command_text(prefix: str, name: str, argument: int | None) -> str:
@@ -222,7 +218,7 @@ def _before(
 ) -> tuple[dict[int, int], float, dict[int, int]]:
     """Goals by motor, the longest time of the movement in seconds at the set velocities, and where each motor is: one line of questions."""
     velocity = VELOCITIES.get(name, ("MCV",))
-    wanted = list(dict.fromkeys([*NEEDED.get(name, ()), *velocity, "SAMPLE"]))
+    wanted = [*NEEDED.get(name, ()), *(["IVEL"] if "MOV" in velocity else []), *velocity, "SAMPLE"]
     if name in ("M", "IC", "IO") and argument is not None:
         wanted = [key for key in wanted if key not in ("DP", "DS")]
     by_motor: dict[int, dict[str, int]] = {index: {} for index in motors}

@@ -121,7 +121,7 @@ def _judge_way(text: str, name: str, row: Row, before: At, after: At) -> None:
         raise SignOfHarm(f"{text}: {motor} reads {end}, where it cannot be", hint=hint, code="unread")
     if before["S", motor] & NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
         return
-    way = motion.CLOSING.get(name) or (0 if goal is None else goal - start)
+    way = motion.TORQUE.get(name) or (0 if goal is None else goal - start)
     gone = end - start if way < 0 else start - end
     if way and gone > WRONG_WAY:
         told = f"{text}: {motor} moved the wrong way, from {start} to {end}"
