@@ -104,7 +104,7 @@ def test_every_command_of_the_manual() -> None:
     ],
 )  # fmt: skip
 def test_split(text: str, prefix: str, name: str, arguments: list[str]) -> None:
-    assert split(text) == (prefix, COMMANDS[name], arguments)
+    assert split(text) == (prefix, COMMANDS[name], tuple(arguments))
 
 
 @each_row("text", ["", "FOO", "12", "S", "5M", "M5000", "GG", "1 M", "HIX"])

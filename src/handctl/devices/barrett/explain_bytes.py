@@ -177,7 +177,7 @@ def answer_words(text: str, found: Answer) -> tuple[str, Values, str]:
     return (f"{text}: done" if text else "prompt"), (), ""
 
 
-def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tuple[str, Values, str]:
+def _gotten(prefix: str, kind: Command, words: tuple[str, ...], found: Answer) -> tuple[str, Values, str]:
     who = motors(prefix) if kind.name == "FGET" else [""]
     table = list(zip(words, values(found, len(words), len(who)), strict=False))
     texts = []
