@@ -51,15 +51,13 @@ class Controls:
 
     def __init__(self, carries: Mapping[int, Sequence[str]], start: Change) -> None:
         self.carries = {index: tuple(names) for index, names in carries.items()}
-        self._state: Values = {index: dict.fromkeys(names, 0) for index, names in self.carries.items()}
+        self._state: Values = {
+            index: {name: start.get((index, name), 0) for name in names} for index, names in self.carries.items()
+        }
         for index, names in self.carries.items():
-            for name in names:
-                if (index, name) in start:
-                    self._state[index][name] = start[(index, name)]
-                elif name == "gain":
-                    raise UsageError(
-                        f"{MOTORS[index]} has no gain to start with", hint="give --gain G, or leave gain out of --send"
-                    )
+            if "gain" in names and (index, "gain") not in start:
+                hint = "give --gain G, or leave gain out of --send"
+                raise UsageError(f"{MOTORS[index]} has no gain to start with", hint=hint)
 
     @property
     def first(self) -> Values:
