@@ -14,6 +14,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import re
 import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -36,7 +37,6 @@ COLUMNS = -1
 MOST_ROWS = 100_000
 """With times: they are all kept, and a pipe may have more without end. At 50 a second it is half an hour."""
 ONE_OBJECT = 'write one object a line, such as {"t": 0, "velocity.F1": 20}'
-WHOLE = "use a whole number, such as 20"
 ALIASES = {"F1": 0, "F2": 1, "F3": 2, "SPREAD": 3, "1": 0, "2": 1, "3": 2, "4": 3, "S": 3}
 
 
@@ -320,14 +320,10 @@ def _motor(text: str, motors: Sequence[int], where: str) -> int:
 
 
 def _whole(value: Any, name: str, where: str) -> int:
-    if isinstance(value, str):
-        text = value.strip()
-        digits = text.removeprefix("-").removeprefix("+")
-        if not (digits.isascii() and digits.isdecimal()):
-            raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint=WHOLE)
-        value = int(text) if len(digits) < 10 else 10**9
+    if isinstance(value, str) and re.fullmatch("[+-]?[0-9]+", text := value.strip()):
+        value = int(text) if len(text.lstrip("+-")) < 10 else 10**9
     if isinstance(value, bool) or not isinstance(value, int):
-        raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint=WHOLE)
+        raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint="use a whole number, such as 20")
     try:
         return check_control(name, value)
     except UsageError as exc:
