@@ -246,7 +246,4 @@ def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:
 def _answer(command: str, before: tuple[bytes, ...], pieces: Pieces) -> Answer | None:
     decoder = Decoder(command)
     decoder.feed(b"".join([*before, *pieces]))
-    try:
-        return decoder.next()
-    except ProtocolError:
-        return None
+    return decoder.next()
