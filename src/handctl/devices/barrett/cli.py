@@ -103,13 +103,6 @@ def asked_before(steps: Sequence[Step]) -> tuple[list[Step], str]:
     return asks, ". ".join(dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in asks))
 
 
-def ask(run: Run, texts: Sequence[str]) -> None:
-    """Ask before these lines, where one of them needs it. Raises NotConfirmed."""
-    asks, question = asked_before([step_of(text) for text in texts])
-    if asks:
-        run.confirm(question, asks)
-
-
 def _sends(texts: Sequence[str], do: Callable[[BarrettHand], Table], question: str = "") -> PlannedAction:
     """What sends these lines; it asks what is to be asked before them, or `question`, which says that more exactly."""
     steps = [step_of(text) for text in texts]
@@ -342,7 +335,9 @@ def _prompt(run: Run, *, force: bool) -> Table:
             run.prompts.say(f"careful: {note}")
         if not force:
             refuse_typed_harm(run.device(), text)
-        ask(run, [text])
+        asks, question = asked_before([step_of(text)])
+        if asks:
+            run.confirm(question, asks)
 
     if run.settings.dry_run:
         raise UsageError(
@@ -472,7 +467,7 @@ def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
             _refuse_to_keep(code, force)
         return eeprom_saves.save(hand, force=force, prefix=prefix_of(motors))
 
-    return _sends(_saves(motors), keep)
+    return _sends(_motors_first(motors, "FSAVE", "PSAVE"), keep)
 
 
 @cli.verb("restore", "Files", writes=True, asks=True)
@@ -510,7 +505,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, .
 
     if not save_too:
         return act._replace(do=whole)
-    saves = [step_of(text) for text in _saves(None)]
+    saves = [step_of("FSAVE"), step_of("PSAVE")]
     asks, question = asked_before(saves)
 
     def look(hand: BarrettHand) -> Asked:
@@ -530,10 +525,6 @@ def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, .
 def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:
     """The command for `motors`; without a choice that for all of them, and the one for the hand's own settings."""
     return [of_motors, of_hand] if motors is None else [prefix_of(motors) + of_motors]
-
-
-def _saves(motors: str | None) -> list[str]:
-    return _motors_first(motors, "FSAVE", "PSAVE")
 
 
 def _refuse_to_keep(code: int, force: bool) -> None:

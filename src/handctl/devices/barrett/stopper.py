@@ -49,11 +49,6 @@ class StopAttempt(NamedTuple):
     sent: str
 
 
-def stop_steps(context: StopContext) -> StopSequence:
-    """^C, then T for all motors."""
-    return power_off(context)
-
-
 def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     """^C, which stops all motors, then T for the motors of `prefix` ("" = all); data after a silence shows another program.
 
@@ -74,6 +69,10 @@ def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
     at = ", ".join(f"{motor} {place}" for motor, place in zip(MOTORS, places, strict=True))
     return stopped._replace(text=f"{text}. Positions: {at}")
+
+
+stop_steps = power_off
+"""The stop of this family: of all motors."""
 
 
 def stands(context: StopContext, stopped: Stopped) -> StopSequence:

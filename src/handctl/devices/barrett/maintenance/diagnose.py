@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import partial
+from functools import cached_property, partial
 from typing import NamedTuple
 
 from handctl.devices.barrett import motion
@@ -72,14 +72,11 @@ class ExaminedHand:
 
     def __init__(self, hand: BarrettHand, name: str = "") -> None:
         self.hand, self.name = hand, name
-        self._values: Values | None = None
 
-    @property
+    @cached_property
     def values(self) -> Values:
         """Every parameter of §5.3 and §5.4, read at the first use."""
-        if self._values is None:
-            self._values = self.read()
-        return self._values
+        return self.read()
 
     def greasing(self) -> list[Row]:
         """Strokes since the last greasing, a row a point and motor."""
