@@ -156,7 +156,7 @@ ROWS = (
         "barrett-one-reading-ends-a-movement",
         "evidence believed",
         MOTION,
-        "timed",
+        "move",
         "if look.error is DeviceRefused:  # the prompt was wrong: nothing was refused",
         "if False:",
         "tests/barrett/test_motion.py::test_motors_that_are_not_seen_standing_have_reached_nothing",
