@@ -18,7 +18,7 @@ import click
 
 import handctl.sim
 from handctl.command.command_tree import root
-from handctl.sim.barrett.options_and_faults import STATES
+from handctl.sim.barrett.shared_state import STATES
 from handctl.sim.bus.wire_pair import RECEIVERS
 from tests.barrett.commands import prepare
 from tests.harm.cell import Port, changes

@@ -25,7 +25,7 @@ from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.files import state_path
 from handctl.link import Deadline
 from handctl.model.other_family_bytes import renamed
-from handctl.sim.barrett.options_and_faults import STATES
+from handctl.sim.barrett.shared_state import STATES
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.barrett.support import Simulated, codes, hand_on
 from tests.barrett.sweep import Row, begin, files, leaves, lines, outcome, reads, starts, words

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from handctl.sim.barrett.options_and_faults import STATES
+from handctl.sim.barrett.shared_state import STATES
 from handctl.sim.bus.wire_pair import RECEIVERS
 from tests.barrett import test_states
 from tests.barrett.sweep import LOADS, TOOLS, WINDOWS, files, leaves, outcome, starts

@@ -8,7 +8,7 @@ from __future__ import annotations
 import pytest
 
 from handctl.sim import create
-from handctl.sim.barrett.options_and_faults import STATES
+from handctl.sim.barrett.shared_state import STATES
 from handctl.sim.bus.wire_pair import resample
 from tests.support.each_row import each_row
 

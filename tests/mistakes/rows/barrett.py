@@ -908,7 +908,7 @@ ROWS = (
         "guard left out",
         HAND,
         "BarrettHand.admit",
-        "_check_typed(line, partial(refuse_typed_harm, self))",
+        "_check_typed(line, self.refuse_harm)",
         "pass",
         f"{GCL}_an_opening_that_may_harm_needs_force_on_every_path",
     ),

@@ -53,7 +53,20 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
     own = settings.own
     sign = own.get("position_sign", "")
     interrupt = bool(own.get("interrupt"))
-    return BarrettHand(GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=interrupt))
+    hand = BarrettHand(GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=interrupt))
+
+    def refuse_harm(line: str) -> None:
+        from handctl.devices.barrett.motion import refuse_typed_harm
+
+        refuse_typed_harm(hand, line)
+
+    def count_save() -> None:
+        from handctl.devices.barrett.eeprom_saves import Ledger
+
+        Ledger(hand).count({})
+
+    hand.count_save, hand.refuse_harm = count_save, refuse_harm
+    return hand
 
 
 def _recall(name: str) -> int | None:

@@ -6,7 +6,6 @@ GCL has no checksum: an answer is believed when its echo, its number of lines an
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from functools import partial
 from itertools import product
 from types import MappingProxyType
 
@@ -132,6 +131,10 @@ class BarrettHand(Device):
     def __init__(self, line: GclLine) -> None:
         super().__init__(line)
         self.line = line
+        self.count_save: Callable[[], None] = lambda: None
+        """Counts a save that is sent as it was typed; who opens the hand has the journal."""
+        self.refuse_harm: Callable[[str], None] = lambda line: None
+        """Raises UsageError for a typed opening that may harm; who opens the hand has the movements."""
         self._told_sign = False
 
     def abort(self) -> Stopped:
@@ -157,15 +160,12 @@ class BarrettHand(Device):
 
     def admit(self, data: bytes, can_id: int | None) -> None:
         """Find the hand, and refuse openings that may harm it; a save is counted even if its reply does not come. Raises UsageError."""
-        from handctl.devices.barrett.eeprom_saves import Ledger
-        from handctl.devices.barrett.motion import refuse_typed_harm
-
         self.line.connect()
         lines = [line.decode("ascii", "replace") for line in data.split(CR)]
         for line in lines:
-            _check_typed(line, partial(refuse_typed_harm, self))
+            _check_typed(line, self.refuse_harm)
         if any(kind_of(line) == "save" for line in lines):
-            Ledger(self).count({})
+            self.count_save()
 
     def identity(self) -> dict[str, object]:
         """Serial number (0 on hands upgraded in the field) and firmware as the hand says it."""

@@ -18,7 +18,7 @@ from handctl.sim.engine.simulated_device import Random
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.shared_state import Board
 
 SPEED = 9600
 RETENTION = 172800.0  # s that the super capacitor holds the RAM: two days (§3.7)
@@ -117,7 +117,7 @@ WAIT, RECORD, LOW, HIGH, COUNT, DATA_TRIGGER, DATA = range(7)
 class Monitor:
     """Waits for the first trigger, then takes records; `until` is when it does something by itself."""
 
-    def __init__(self, device: Device) -> None:
+    def __init__(self, device: Board) -> None:
         self.device = device
         self.given = given = device.given
         self.window = given["boot"] if given["window"] is None else given["window"]

@@ -14,8 +14,8 @@ from handctl.number_parsing import whole
 from handctl.sim.barrett.boot_monitor import Image
 from handctl.sim.barrett.device import Device
 from handctl.sim.barrett.mechanics import NAMES, Motor
-from handctl.sim.barrett.options_and_faults import OBSTACLES, STATES
 from handctl.sim.barrett.parameter_tables import ALIAS, BAUDS, NO_BOARD, NO_MOTOR, NOT_INITIALIZED, Bank, Memory
+from handctl.sim.barrett.shared_state import OBSTACLES, STATES
 from handctl.sim.engine.state_file import Fields, checked, columns, kept, replace, rows_of, spread
 
 HELP = " | ".join(

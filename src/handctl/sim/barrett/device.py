@@ -1,6 +1,6 @@
 """A simulated BarrettHand BH8: the supervisory line, its echo and prompt, ^C, speed, power (barrett §3.6, §5.1, §5.2.4).
 
-GCL is in gcl.py, RealTime mode in realtime_loop.py, the boot monitor in boot_monitor.py; the other options and faults in options_and_faults.py.
+GCL is in gcl.py, RealTime mode in realtime_loop.py, the boot monitor in boot_monitor.py; what they see of this is in shared_state.py.
 
 Written from the manual and from what is publicly known of the hand, by other means than the host. Where both are
 silent the behaviour is invented and the comment says so; nothing seen here is evidence about a real hand.
@@ -11,45 +11,33 @@ silent the behaviour is invented and the comment says so; nothing seen here is e
 
 from __future__ import annotations
 
-from handctl.sim.barrett import boot_monitor, options_and_faults, realtime_loop
+from handctl.sim.barrett import boot_monitor, realtime_loop, shared_state
 from handctl.sim.barrett.gcl import Answer, execute
-from handctl.sim.barrett.mechanics import NO_LOAD, OFFSETS, Hand
-from handctl.sim.barrett.options_and_faults import HOT, OF_MOTORS
-from handctl.sim.barrett.parameter_tables import STATUS, TOO_HOT, Memory
-from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, soonest
+from handctl.sim.barrett.mechanics import OFFSETS
+from handctl.sim.barrett.parameter_tables import TOO_HOT
+from handctl.sim.barrett.shared_state import Board
+from handctl.sim.engine.simulated_device import NOTHING, Options, Random, Reply, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
     from typing import Any
 
 ABORT, RETURN = 3, 13  # ^C, CR
-_OPTIONS = {**options_and_faults.OPTIONS, **realtime_loop.OPTIONS, **boot_monitor.OPTIONS}
-_FAULTS = {**options_and_faults.FAULTS, **realtime_loop.FAULTS, **boot_monitor.FAULTS}
+_OPTIONS = {**shared_state.OPTIONS, **realtime_loop.OPTIONS, **boot_monitor.OPTIONS}
+_FAULTS = {**shared_state.FAULTS, **realtime_loop.FAULTS, **boot_monitor.FAULTS}
 
 
-class Device(Model):
-    """The hand without its wire. `loop` is RealTime mode while the hand is in it."""
+class Device(Board):
+    """The hand without its wire."""
 
-    KIND = "barrett"
-    CONTROL = "handctl.sim.barrett.control_commands"
     HEADER = b"=> \n\r*:0E"
     OPTIONS = _OPTIONS
     FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:
         super().__init__(options, random)
-        given = self.given
-        firmware = {"4.33": 433, "4.34": 434, "4.4": 440}[given["firmware"]]
-        self.memory = Memory(firmware, int(given["baud"]) // 100, int(given["max-baud"]) // 100)
-        self.hand = Hand(self.memory, 1000000.0 * float(given["hctl-clock"]), given["align"])
-        self.hand.set_temperature(given["temperature"])
-        self.no_load = (*given["no-load"], NO_LOAD[3])
-        for motor in self.hand.motors:
-            motor.no_load = self.no_load[motor.number]
-        self.off_since = 0.0  # s, when the power went; earlier if somebody has let time pass
-        self.hits = NOTHING  # faults that befall the present line
-        self._prompt = b"=> " if given["prompt"] == "space" else b"=>"
-        self._end = b"\n\r" if given["line-end"] == "lfcr" else b"\r\n"
+        self._prompt = b"=> " if self.given["prompt"] == "space" else b"=>"
+        self._end = b"\n\r" if self.given["line-end"] == "lfcr" else b"\r\n"
         self._switches = switches(options)  # moments at which the switch is turned
         self.monitor = boot_monitor.Monitor(self)
         self.loop: realtime_loop.Loop | None = None
@@ -63,12 +51,7 @@ class Device(Model):
         self._previous = b""
         self._cold = False
         self._speaking = False  # the banner is out, its prompt is not
-        self.speed = int(given["baud"])
-
-    @property
-    def version(self) -> str:
-        """What the hand says of itself; the commands stay those of the option firmware."""
-        return str(self.monitor.image.version or self.given["firmware"])
+        self.speed = int(self.given["baud"])
 
     # -- power and time ------------------------------------------------------------------------------------------------
 
@@ -109,7 +92,6 @@ class Device(Model):
         self.dirty = True
 
     def settle(self) -> None:
-        """The hand has been on for a while: at its prompt, or in the boot monitor for want of a firmware."""
         self.speed = self.memory.speed
         self._hear = self._hear_line
         if not self.monitor.image.valid:
@@ -123,7 +105,6 @@ class Device(Model):
         self.monitor.start()
 
     def reset(self) -> None:
-        """RESET is the same as power on (§5.2.4); whether it passes the boot monitor is not known."""
         if self.given["reset-monitor"]:
             self.hand.power(True)
             self._until = self._waiting = None
@@ -132,7 +113,6 @@ class Device(Model):
             self.restart(self.now)
 
     def restart(self, began: float) -> None:
-        """The firmware starts: parameters from EEPROM, motors off, and the banner some time after `began`."""
         self.hand.power(True)
         self.memory.load()
         self.speed = self.memory.speed
@@ -145,7 +125,6 @@ class Device(Model):
         self.dirty = True
 
     def hang(self) -> None:
-        """Deaf until a power cycle."""
         self._hear = self._hear_nothing
 
     def advance(self, now: float) -> None:
@@ -286,10 +265,6 @@ class Device(Model):
             self._replies.append(Reply(self.now, self._previous, self.hits & {"silent"}))
 
     def post(self, data: bytes) -> None:
-        """Bytes of RealTime mode or of the boot monitor, with the faults of the present request.
-
-        The first byte of a sound answer goes by itself: a client may act on it before the rest has come.
-        """
         hits = self.hits - {"stale"} - ({"noise"} if self._noisy_echo else NOTHING)
         self._post_stale()
         pieces = (data,) if hits else (data[:1], data[1:])
@@ -299,7 +274,6 @@ class Device(Model):
     # -- RealTime mode ---------------------------------------------------------------------------------------------------
 
     def enter_loop(self, motors: tuple[int, ...]) -> None:
-        """RealTime mode of these motors begins."""
         self.loop = realtime_loop.Loop(self, motors)
         self._hear = self.loop.hear
         self.hits -= {"stale"}  # that answer came before the echo
@@ -310,7 +284,6 @@ class Device(Model):
                 motor.jump(self.now, motor.position(self.now) + counts)
 
     def leave_loop(self, code: int) -> None:
-        """Back to the prompt, with a status if it is not 0 (§6.1). What the motors do then is not known."""
         for motor in self.loop.motors if self.loop is not None else ():
             if self.given["loop-exit"] == "stop" or code == TOO_HOT:
                 motor.cruise(self.now, 0.0)
@@ -321,63 +294,7 @@ class Device(Model):
         self._finish(Answer(code))
         self.dirty = True
 
-    # -- readings --------------------------------------------------------------------------------------------------------
-
-    def read(self, name: str, number: int) -> int:
-        """A motor parameter (§5.3)."""
-        if self.memory.motor.rows[name][5] != STATUS:
-            return self.memory.motor.get(name, number)
-        motor = self.hand.motors[number]
-        motor.flipped = bool(self.memory.motor.get("SGFLIP", number))
-        if name == "S":
-            return motor.status() | (520 if number == 2 and "unknown-codes" in self.faults else 0)
-        if name == "OD":
-            return motor.odometer(self.now)
-        if name == "P":
-            return self.shown(motor.position(self.now))
-        if name == "SG":
-            return motor.gauge(self.now)
-        return int(motor.broke) if name == "BD" else self.shown(motor.broke_at)
-
-    def placed(self, position: int) -> int:
-        """A position as the firmware counts it: whether below 0 at all, the manual does not say (§5.3.2, option position-sign)."""
-        return max(0, position) if self.given["position-sign"] == "clamped" else position
-
-    def shown(self, position: int) -> int:
-        """The number that is printed for it."""
-        return position & 65535 if self.given["position-sign"] == "unsigned" else self.placed(position)
-
-    def read_common(self, name: str) -> int:
-        """A global parameter (§5.4)."""
-        if name == "TEMP":
-            return self.hand.tenths()
-        if name == "PTEMP":
-            return max(0, round(self.hand.peak))
-        if name == "UPSECS":
-            return int(self.hand.uptime + 0.000001) % 4294967296
-        return self.hand.serial if name == "SN" else self.memory.common.get(name)
-
     # -- faults ----------------------------------------------------------------------------------------------------------
-
-    def set_faults(self, faults: frozenset[str]) -> None:
-        """Puts the states of the body in, and takes away those that are no longer wanted."""
-        before, self.faults = self.faults, faults
-        if "blank-firmware" in faults:
-            self.monitor.erase()
-            self.settle()
-        for name, (numbers, attribute, wrong, right) in OF_MOTORS.items():
-            for number, value in zip(numbers, wrong, strict=True) if name in faults | before else ():
-                usual = self.no_load[number] if attribute == "no_load" else right
-                setattr(self.hand.motors[number], attribute, value if name in faults else usual)
-        for motor in self.hand.motors if "not-homed" in faults else ():
-            motor.initialized = False
-        hot = {"hot", "over-temperature"}
-        if hot & (faults | before):
-            self.hand.set_temperature(HOT if hot & faults else self.given["temperature"])
-        if "over-temperature" in faults and not self.memory.common.get("OTEMP"):
-            self.memory.common.values["OTEMP"] = [600]
-            self.memory.common.saved["OTEMP"] = [600]
-        self.hand.disturbed()
 
     def spoil(self, data: bytes) -> bytes:
         """There is no check value: one bit of the answer is wrong instead."""

@@ -30,7 +30,7 @@ from handctl.sim.barrett.parameter_tables import (
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.shared_state import Board
 
 ALL = (0, 1, 2, 3)
 BETWEEN = {"values": " ", "names": " - ", "prose": ": "}
@@ -47,7 +47,7 @@ class Answer:
         self.seconds = seconds
 
 
-def execute(device: Device, text: str) -> Answer | None:
+def execute(device: Board, text: str) -> Answer | None:
     """Carries a line out. None: the answer comes later, at the end of a movement or after a restart."""
     words = [word for word in text.upper().split(" ") if word]
     if not words:
@@ -97,7 +97,7 @@ def _split(words: list[str]) -> tuple[str, str, list[str]]:
     return prefix, name, words[1:]
 
 
-def _move(device: Device, name: str, motors: tuple[int, ...], arguments: list[str]) -> Answer | None:
+def _move(device: Board, name: str, motors: tuple[int, ...], arguments: list[str]) -> Answer | None:
     """Movement commands (§5.2.1)."""
     argument = decimal_number(arguments[0], 0, 20000) if arguments else None
     if arguments and argument is None:
@@ -106,7 +106,7 @@ def _move(device: Device, name: str, motors: tuple[int, ...], arguments: list[st
     return None
 
 
-def _loop(device: Device, motors: tuple[int, ...]) -> Answer | None:
+def _loop(device: Board, motors: tuple[int, ...]) -> Answer | None:
     """LOOP (§5.2.1), a movement command: a motor that is not ready is an error and nothing begins (our guess)."""
     if code := device.hand.unready(motors):
         return Answer(code)
@@ -114,7 +114,7 @@ def _loop(device: Device, motors: tuple[int, ...]) -> Answer | None:
     return None
 
 
-def _parameters(device: Device, name: str, bank: Bank, numbers: tuple[int, ...], arguments: list[str]) -> Answer:
+def _parameters(device: Board, name: str, bank: Bank, numbers: tuple[int, ...], arguments: list[str]) -> Answer:
     """FGET, PGET and all others with these letters (§5.2.2 to §5.2.5)."""
     match name:
         case "GET":
@@ -141,7 +141,7 @@ def _parameters(device: Device, name: str, bank: Bank, numbers: tuple[int, ...],
     return Answer()
 
 
-def _get(device: Device, names: list[str], bank: Bank, numbers: tuple[int, ...]) -> Answer:
+def _get(device: Board, names: list[str], bank: Bank, numbers: tuple[int, ...]) -> Answer:
     """One line for each name, one value for each motor (§5.2.2); what came before a wrong name is printed."""
     answer = Answer()
     for name in names:
@@ -155,7 +155,7 @@ def _get(device: Device, names: list[str], bank: Bank, numbers: tuple[int, ...])
     return answer
 
 
-def values(device: Device, name: str, bank: Bank, numbers: tuple[int, ...]) -> str:
+def values(device: Board, name: str, bank: Bank, numbers: tuple[int, ...]) -> str:
     """The value line of one parameter, in the order of the motors whatever the prefix said."""
     found = [device.read_common(name) if bank is device.memory.common else device.read(name, n) for n in numbers]
     if "erratic" in device.hits:
@@ -177,7 +177,7 @@ def _pairs(arguments: list[str], bank: Bank, numbers: tuple[int, ...]) -> Answer
     return Answer()
 
 
-def _text(device: Device, name: str, arguments: list[str]) -> Answer:
+def _text(device: Board, name: str, arguments: list[str]) -> Answer:
     """What is printed for people: ? alone or ?NAME, A?, ERR, VERS."""
     texts = device.given["texts"]
     between = BETWEEN[texts]

@@ -17,7 +17,7 @@ from handctl.sim.barrett.parameter_tables import BAD_HEADER, TOO_HOT
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
-    from handctl.sim.barrett.device import Device
+    from handctl.sim.barrett.shared_state import Board
 
 LEAVE = 3  # ^C
 ANALOG = (31, 47, 63, 79)  # LFAIN, invented
@@ -42,7 +42,7 @@ FAULTS = {
 class Loop:
     """RealTime mode from `*` to its end; the flags are those at its entry (§6.1)."""
 
-    def __init__(self, device: Device, motors: tuple[int, ...]) -> None:
+    def __init__(self, device: Board, motors: tuple[int, ...]) -> None:
         get, known = device.memory.motor.get, device.memory.motor.values
         self.device = device
         self.motors = [device.hand.motors[number] for number in motors]
