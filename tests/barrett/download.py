@@ -8,10 +8,11 @@ from contextlib import contextmanager
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
-from handctl.devices.barrett.firmware.download import Download, Loader
+from handctl.devices.barrett.firmware.download import Loader
 from handctl.devices.barrett.firmware.srecords import Firmware, parse
 from handctl.errors import HandctlError
 from handctl.model.prompts import InterruptCount, Prompts
+from handctl.model.result import Table
 from tests.barrett.srecords import END, HEADER, record
 from tests.barrett.support import Simulated, hand_on
 
@@ -113,7 +114,7 @@ class Run:
         self.file = file or firmware()
         self.prompts = prompts or Prompts()
         self.loader = Loader(self.hand, self.prompts, self.file, window=window, expect=expect)
-        self.done: Download | None = None
+        self.done: Table | None = None
         self.error: HandctlError | None = None
         try:
             self.done = self.loader.run()

@@ -34,7 +34,7 @@ def state_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def patient(query: str = "initialized=1") -> ExaminedHand:
-    return ExaminedHand(simulated(query)[0], simulated=lambda: True)
+    return ExaminedHand(simulated(query)[0])
 
 
 def with_values(**changed: int) -> ExaminedHand:
@@ -190,9 +190,9 @@ def test_remedies_name_real_settings() -> None:
 def test_repeatable() -> None:
     settings = {param.mnemonic for param in BARRETT if param.writable and not param.since}
     good, _ = scripted({"*": "7"})
-    assert statuses(diagnose.repeatable(ExaminedHand(good, simulated=lambda: True))) == {"repeatable": OK}
+    assert statuses(diagnose.repeatable(ExaminedHand(good))) == {"repeatable": OK}
     bad, link = scripted({"*": "7"})
-    body = ExaminedHand(bad, simulated=lambda: True)
+    body = ExaminedHand(bad)
     assert body.values["DP", "F1"] == 7
     link.script["*"] = ["8"]
     (finding,) = diagnose.repeatable(body)
@@ -207,20 +207,20 @@ def test_breakaway(query: str, status: str) -> None:
 
 def test_breakaway_that_happened() -> None:
     hand, _ = scripted({"FGET BD BP": "0 0 1 0|0 0 2000 0"})
-    (finding,) = diagnose.breakaway(ExaminedHand(hand, simulated=lambda: True))
+    (finding,) = diagnose.breakaway(ExaminedHand(hand))
     assert (finding.status, "F3 at 2000" in finding.evidence) == (WARNING, True)
 
 
 def test_strain_of_a_closed_finger_is_not_judged() -> None:
     hand, _ = scripted({"123FGET P S OT SGFLIP": "0 9000 0|0 0 0|0 0 0|0 0 0", "123FGET SG": "120 180 120"})
-    found = statuses(diagnose.strain_(ExaminedHand(hand, simulated=lambda: True)))
+    found = statuses(diagnose.strain_(ExaminedHand(hand)))
     assert found == {"strain.F1": OK, "strain.F2": SKIPPED, "strain.F3": OK}
 
 
 @pytest.mark.parametrize(("text", "status"), [("4.33", OK), ("BarrettHand v4.4", OK), ("garbage", FAIL)])
 def test_firmware(text: str, status: str) -> None:
     hand, _ = scripted({"VERS": text})
-    assert statuses(diagnose.firmware(ExaminedHand(hand, simulated=lambda: True))) == {"firmware": status}
+    assert statuses(diagnose.firmware(ExaminedHand(hand))) == {"firmware": status}
 
 
 # -- the line ---------------------------------------------------------------------------------------------------------
@@ -228,7 +228,7 @@ def test_firmware(text: str, status: str) -> None:
 
 def test_every_speed_is_tried_and_named() -> None:
     hand = hand_on(ScriptedLink(baud=9600))
-    found, failure = diagnose.examine(ExaminedHand(hand, simulated=lambda: False), diagnose.USUAL, None)
+    found, failure = diagnose.examine(ExaminedHand(hand), diagnose.USUAL, None)
     assert failure is None
     assert statuses(found) == {"communication": FAIL, **dict.fromkeys(diagnose.USUAL, SKIPPED)}
     for speed in (600, 1200, 2400, 4800, 9600, 19200, 38400):
@@ -266,7 +266,7 @@ def test_the_boot_monitor_is_recognized() -> None:
 
 def test_a_hand_that_falls_silent_is_not_waited_for_again_and_again() -> None:
     hand, link = scripted({"VERS": None}, retries=1)
-    found, _ = diagnose.examine(ExaminedHand(hand, simulated=lambda: False), diagnose.USUAL, None)
+    found, _ = diagnose.examine(ExaminedHand(hand), diagnose.USUAL, None)
     expected = {"communication": OK, "firmware": FAIL, **dict.fromkeys(diagnose.USUAL[1:], SKIPPED)}
     assert statuses(found) == expected
     assert link.commands == ["VERS", "VERS"]
@@ -274,7 +274,7 @@ def test_a_hand_that_falls_silent_is_not_waited_for_again_and_again() -> None:
 
 def test_a_lost_line_keeps_the_rows_and_its_own_error() -> None:
     hand = hand_on(Simulated("initialized=1&fault=disconnect"))
-    found, failure = diagnose.examine(ExaminedHand(hand, simulated=lambda: True), diagnose.USUAL, None)
+    found, failure = diagnose.examine(ExaminedHand(hand), diagnose.USUAL, None)
     assert isinstance(failure, LinkError)
     assert statuses(found) == {"communication": FAIL, **dict.fromkeys(diagnose.USUAL, SKIPPED)}
     assert diagnose.table_of(hand, found, None, failure).failure is failure
@@ -283,7 +283,7 @@ def test_a_lost_line_keeps_the_rows_and_its_own_error() -> None:
 def test_a_hot_hand_still_tells_its_temperature() -> None:
     """ERR 8192 on every motor command; PGET answers (§5.4.1)."""
     hand, _ = simulated("initialized=1&fault=over-temperature")
-    found, _ = diagnose.examine(ExaminedHand(hand, simulated=lambda: True), diagnose.USUAL, None)
+    found, _ = diagnose.examine(ExaminedHand(hand), diagnose.USUAL, None)
     got = statuses(found)
     assert (got["temperature"], got["over_temperature_limit"], got["status"], got["firmware"]) == (FAIL, OK, FAIL, OK)
     assert "8192" in {finding.check: finding.evidence for finding in found}["status"]
@@ -325,7 +325,7 @@ HEALTHY = "initialized=1"
 )
 def test_trials(trial: str, query: str, bad: dict[str, str]) -> None:
     hand, link = simulated(query)
-    found = diagnose.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
+    found = diagnose.run_all(ExaminedHand(hand), [trial], "123", Prompts())
     got = {name: status for name, status in statuses(found).items() if status != OK}
     assert got == bad
     moved = [line for line in link.commands if "GET" not in line]
@@ -356,7 +356,7 @@ def test_a_slow_spread_is_seen() -> None:
 
 def test_a_failed_trial_ends_the_rest() -> None:
     hand, link = simulated("initialized=0")
-    found = diagnose.run_all(ExaminedHand(hand, simulated=lambda: True), ["open", "direction"], "12", Prompts())
+    found = diagnose.run_all(ExaminedHand(hand), ["open", "direction"], "12", Prompts())
     assert statuses(found) == {"open": FAIL, "direction": SKIPPED}
     assert [line for line in link.commands if "GET" not in line] == ["12O"]
 
@@ -366,5 +366,5 @@ def test_interrupt_stops_the_hand(trial: str) -> None:
     hand, link = simulated(HEALTHY)
     link.interrupt_at = link.now() + 0.4
     with pytest.raises(Interrupted, match=r"\^C stopped the hand"):
-        diagnose.run_all(ExaminedHand(hand, simulated=lambda: True), [trial], "123", Prompts())
+        diagnose.run_all(ExaminedHand(hand), [trial], "123", Prompts())
     assert b"\x03" in link.sent

@@ -220,6 +220,6 @@ def test_the_spread_is_timed_against_the_velocity_of_its_way() -> None:
     """It closes with MCV and opens with MOV (barrett §5.5)."""
     hand, _ = simulated("initialized=1")
     hand.checked(hand.line.ask("4FSET MCV 60 MOV 40"))
-    found = diagnose.run_all(ExaminedHand(hand, simulated=lambda: True), ["spread_time"], "123", Prompts())
+    found = diagnose.run_all(ExaminedHand(hand), ["spread_time"], "123", Prompts())
     assert [finding.evidence.rpartition(" at ")[2] for finding in found] == ["MCV 60", "MOV 40"]
     assert [finding.evidence[:2] for finding in found] == ["4C", "4O"]

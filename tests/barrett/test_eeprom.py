@@ -33,7 +33,8 @@ def saves(link: Simulated) -> list[str]:
 
 
 def save(hand: BarrettHand, force: bool = False, simulated: bool = False) -> list[dict]:
-    return eeprom_saves.save(hand, force=force, simulated=simulated).rows
+    hand.link.fake = simulated
+    return eeprom_saves.save(hand, force=force).rows
 
 
 def test_where_the_journal_is(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -264,7 +265,7 @@ def test_default_of() -> None:
 
 def test_a_serial_number_of_0_names_no_hand(state: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """SN 0 is that of every hand upgraded in the field (§5.4.2): nothing is skipped or refused by another one's entry."""
-    monkeypatch.setattr(eeprom_saves, "_key", lambda _hand, _simulated: "0")
+    monkeypatch.setattr("handctl.sim.barrett.mechanics.SERIAL", 0)
     hand, link = simulated("")
     save(hand)
     save(hand)

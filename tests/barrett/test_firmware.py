@@ -377,7 +377,7 @@ def test_versions(name: str, header: str, expect: str | None, version: str, code
     file = parse(name, "\n".join([record(0, header.encode(), "0"), record(0x2000, DATA[:8]), END]).encode())
     run = Run(f"download-version={version}", file=file, expect=expect)
     assert run.done is not None
-    mismatch = run.done.mismatch
+    mismatch = run.done.failure
     assert (mismatch.code if mismatch else None) == code
     if mismatch is not None:
         assert mismatch.exit_code == 7 and "4.33" in mismatch.text and "4.34" in mismatch.text

@@ -104,7 +104,7 @@ def test_every_command_of_the_manual() -> None:
     ],
 )  # fmt: skip
 def test_split(text: str, prefix: str, name: str, arguments: list[str]) -> None:
-    assert split(text) == (prefix, COMMANDS[name], arguments)
+    assert split(text) == (prefix, COMMANDS[name], tuple(arguments))
 
 
 @each_row("text", ["", "FOO", "12", "S", "5M", "M5000", "GG", "1 M", "HIX"])
@@ -436,7 +436,7 @@ def test_a_movement_is_interrupted_however_soon_after_a_ctrl_c_at_the_prompt(mon
     interrupts.end_on_signals(suspend=False)
     try:
         monkeypatch.setattr(hand.line, "ask", moves)
-        run = SimpleNamespace(prompts=Prompts(), out=lambda text: None, simulated=True)
+        run = SimpleNamespace(prompts=Prompts(), out=lambda text: None)
         passthrough.interactive(run, hand, read_line, lambda text: None)  # type: ignore[arg-type]
     finally:
         signals.give_back(before.items())

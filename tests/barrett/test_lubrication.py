@@ -25,7 +25,8 @@ def state_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def care(od: str = OD, serial: int = 1042, name: str = "", simulated: bool = False) -> upkeep.MaintenanceLog:
     hand, _ = scripted({"FGET OD": od, "PGET TEMP PTEMP OTEMP UPSECS SN": f"412|573|0|7345678|{serial}"})
-    return upkeep.MaintenanceLog(hand, simulated=simulated, name=name)
+    hand.link.fake = simulated
+    return upkeep.MaintenanceLog(hand, name)
 
 
 def lubrication(of: upkeep.MaintenanceLog) -> dict[str, tuple[int, str]]:
@@ -83,14 +84,14 @@ def test_serial_number_0_needs_a_name() -> None:
     assert FAIL in {status for _, status in lubrication(care(serial=0)).values()}
     assert "--hand NAME" in care(serial=0).lubrication()[0]["label"]
     hand, _ = scripted({"FGET OD": OD, "PGET TEMP PTEMP OTEMP UPSECS SN": "412|573|600|1|0"})
-    upkeep.table_of(hand, upkeep.MaintenanceLog(hand, simulated=False), check=False)
+    upkeep.table_of(hand, upkeep.MaintenanceLog(hand), check=False)
     assert codes(hand) == ["which-hand"]
 
 
 def test_an_odometer_that_went_back_is_another_hand() -> None:
     care().grease(upkeep.chosen_points("palm"))
     hand, _ = scripted({"FGET OD": "1 2 3 20116", "PGET TEMP PTEMP OTEMP UPSECS SN": "412|573|0|1|1042"})
-    rows = upkeep.MaintenanceLog(hand, simulated=False).lubrication()
+    rows = upkeep.MaintenanceLog(hand).lubrication()
     assert [row["value"] for row in rows if row["motor"] == "SPREAD"] == [6489]
     assert codes(hand) == ["odometer-back"]
 
@@ -116,7 +117,7 @@ def test_a_refused_odometer_is_an_error() -> None:
         {"FGET OD": "ERR 8192", "PGET TEMP OTEMP": "702|600", "PGET TEMP PTEMP OTEMP UPSECS SN": "702|702|600|1|1042"}
     )
     with pytest.raises(DeviceRefused):
-        upkeep.MaintenanceLog(hand, simulated=False)
+        upkeep.MaintenanceLog(hand)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +157,7 @@ def test_thresholds() -> None:
 
 def test_setting_thresholds() -> None:
     def verdict(name: str, motor: str | None, value: int) -> str:
-        found = health_limits.settings({(name, motor): value})
+        found = list(health_limits.settings({(name, motor): value}))
         assert len(found) <= 1
         return found[0].status if found else OK
 

@@ -291,8 +291,8 @@ def test_audit_of_a_hand_as_it_left_the_factory() -> None:
         for param in standard()
         for element in BARRETT.elements(param.mnemonic)
     ]
-    assert audit(rows) == []
-    assert audit([{"name": "strain", "parameter": "SG", "motor": "F1", "error": "not read"}]) == []
+    assert list(audit(rows)) == []
+    assert list(audit([{"name": "strain", "parameter": "SG", "motor": "F1", "error": "not read"}])) == []
 
 
 def test_audit_compares_the_two_names_of_one_limit() -> None:

@@ -12,7 +12,6 @@ from handctl.devices.barrett.realtime.blocks import (
     CONTROL,
     FEEDBACK,
     Decoder,
-    DeltaPosition,
     Feedback,
     Layout,
     LoopError,
@@ -22,6 +21,7 @@ from handctl.devices.barrett.realtime.blocks import (
     selections,
     velocity_unit,
 )
+from handctl.devices.barrett.realtime.loop_rows import Positions
 from handctl.errors import ProtocolError, UsageError
 from tests.support.each_row import each_row
 
@@ -36,7 +36,6 @@ EXAMPLE = Layout(  # §6.4: 124LOOP
     },
     2,
 )
-DELTA_ONLY = Layout({0: Selection((), ("delta",), delta_divisor=2)})
 ERROR = b"\n\rERR 2048\n\r=> "
 
 
@@ -300,12 +299,13 @@ def test_any_layout_there_and_back(layout: Layout, data: st.DataObject) -> None:
     ],
 )
 def test_delta_positions(start: int, divisor: int, block: str, positions: list[int], saturated: int) -> None:
-    delta = DeltaPosition(start, divisor)
+    layout = Layout({0: Selection((), ("delta",), delta_divisor=divisor)})
+    places = Positions(layout, {0: start}, discards=False)
     found = []
     for byte in bytes.fromhex(block):
-        (answer,) = answers(DELTA_ONLY, "F", bytes([0x2A, byte]))
-        found.append(delta.add(answer.motors[0]["delta"]))
-    assert (found, delta.saturated, delta.position) == (positions, saturated, positions[-1])
+        (answer,) = answers(layout, "F", bytes([0x2A, byte]))
+        found.append(places.update(answer)[0][0])
+    assert (found, places.saturated) == (positions, saturated)
 
 
 # -- floors -----------------------------------------------------------------------------------------------------------

@@ -14,12 +14,12 @@ from handctl.devices.barrett.realtime.blocks import (
     CONTROL,
     FEEDBACK,
     Decoder,
-    DeltaPosition,
     Feedback,
     Layout,
     LoopError,
     Selection,
 )
+from handctl.devices.barrett.realtime.loop_rows import Positions
 from handctl.sim import create
 from tests.support.each_row import each_row
 from tests.support.scripted import hexed
@@ -112,8 +112,11 @@ def test_host_makes_and_takes_blocks(case: Case, pieces: bool) -> None:
     assert "|".join(got) == text
     if positions:
         wanted, start = positions.split(" from ")
-        delta = DeltaPosition(int(start), divisor)
-        assert [delta.add(int(value)) for value in got] == [int(value) for value in wanted.split()]
+        places = Positions(
+            Layout({0: Selection((), ("delta",), delta_divisor=divisor)}), {0: int(start)}, discards=False
+        )
+        deltas = [Feedback({0: {"delta": int(value)}}, None) for value in got]
+        assert [places.update(delta)[0][0] for delta in deltas] == [int(value) for value in wanted.split()]
 
 
 @each_row("case", named([case for case in BLOCKS if "sim" in case.says]))

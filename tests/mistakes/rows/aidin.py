@@ -196,8 +196,8 @@ ROWS = (
         "out of range clamped",
         TARGETS,
         "_kept",
-        "if outside(param, index, value):",
-        "if value != value:",
+        "if limit is not None and outside(param, index, value):",
+        "if limit is not None and value != value:",
         "tests/aidin/test_targets.py::test_what_is_kept_may_jitter_at_its_stop_and_no_more",
     ),
     mistake(

@@ -11,7 +11,7 @@ Values are in the manual's units: counts, degrees, mm. Out of range is refused, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, degrees, isfinite, radians
 
@@ -58,6 +58,7 @@ from handctl.model.param import Number, Step, given
 from handctl.model.prompts import CTRL_C, InterruptCount, Prompts
 from handctl.model.result import Row, Table
 from handctl.model.stop_sequence import Stopped
+from handctl.number_parsing import real_in
 from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 from handctl.wording import some
 
@@ -88,14 +89,11 @@ class Goal:
             raise UsageError(
                 "the elements that you did not give keep their position, which is unknown", hint="give all values"
             )
-        values = []
-        for index in range(param.count):
-            if index in self.named:
-                values.append(self.named[index])
-            else:
-                assert measured is not None
-                values.append(_kept(param, index, float(measured[index])))
-        return values
+        kept = measured or [0.0] * param.count  # all are named then
+        return [
+            self.named[index] if index in self.named else _kept(param, index, float(kept[index]))
+            for index in range(param.count)
+        ]
 
     def wire(self, values: Sequence[float]) -> tuple[int, ...] | tuple[float, ...]:
         """The numbers of the command's array."""
@@ -109,9 +107,7 @@ class Goal:
 def _kept(param: AidinParam, index: int, value: float) -> float:
     """A measured value that is commanded again: one that jitters outside its range is held at the limit."""
     limit = param.limit(index)
-    if limit is None:
-        return value
-    if outside(param, index, value):
+    if limit is not None and outside(param, index, value):
         raise CheckFailed(
             f"{param.elements[index]} would be kept at {value:g}, which is outside {limit[0]:g}..{limit[1]:g}",
             hint=Hint(
@@ -120,7 +116,13 @@ def _kept(param: AidinParam, index: int, value: float) -> float:
             ),
             code="kept-out-of-range",
         )
-    return min(max(value, limit[0]), limit[1])
+    return _at_limit(param, index, value)
+
+
+def _at_limit(param: AidinParam, index: int, value: float) -> float:
+    """The value, or the limit of its range where it is beyond that."""
+    low, high = param.limit(index) or (value, value)
+    return min(max(value, low), high)
 
 
 def parse(target: Target, texts: Sequence[str], *, rad: bool = False, cap: float | None = None) -> Goal:
@@ -161,11 +163,7 @@ def parse(target: Target, texts: Sequence[str], *, rad: bool = False, cap: float
 
 
 def _number(param: AidinParam, index: int, text: str) -> float:
-    name = param.elements[index]
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
+    name, value = param.elements[index], real_in(text)
     if not isfinite(value) or "_" in text:
         raise UsageError(f"{name} = {text!r} is not a number", hint="nothing was sent", code="not-a-number")
     if param.int_range is not None and value != int(value):
@@ -205,12 +203,8 @@ def _check(param: AidinParam, values: dict[int, float], *, rad: bool) -> None:
 
 def _fits(param: AidinParam, values: dict[int, float], *, rad: bool) -> bool:
     """Whether the same numbers fit in the other unit."""
-    for index, value in values.items():
-        limit = param.limit(index)
-        other = radians(value) if rad else degrees(value)
-        if limit is not None and not limit[0] <= other <= limit[1]:
-            return False
-    return True
+    other = radians if rad else degrees
+    return not any(outside(param, index, other(value), 0.0) for index, value in values.items())
 
 
 def _check_cap(param: AidinParam, values: dict[int, float], cap: float) -> None:
@@ -223,20 +217,17 @@ def _check_cap(param: AidinParam, values: dict[int, float], cap: float) -> None:
             )
 
 
-def axes_of(goal: Goal, values: Sequence[float]) -> list[movement.Goal]:
+def axes_of(goal: Goal, values: Sequence[float]) -> Iterator[movement.Goal]:
     """What is watched, and how near is there: 1 % of stroke, 2 deg, 2 mm; currents 20 and a tenth of the target."""
     target, param = goal.target, goal.target.command
     unit = f" {param.unit}" if param.unit else ""
-    axes = []
     for index, wanted in enumerate(values):
         if param.label_of(index) != COUPLED:
-            near = target.near(index) + (abs(wanted) * 0.1 if target is CURRENTS else 0.0)
-            axes.append(
-                movement.Goal(
-                    param.elements[index], wanted, near, jitter=near, decimals=target.feedback.places, unit=unit
-                )
+            near, places = (
+                target.near(index) + (abs(wanted) * 0.1 if target is CURRENTS else 0.0),
+                target.feedback.places,
             )
-    return axes
+            yield movement.Goal(param.elements[index], wanted, near, jitter=near, decimals=places, unit=unit)
 
 
 # -- typed targets to a complete vector for the wire ------------------------------------------------------------------
@@ -287,10 +278,7 @@ def ramp(goal: Goal, start: Sequence[Number], values: Sequence[float], period: f
     The slowest element sets the pace. A start outside its range begins at the limit.
     """
     param = goal.target.command
-    begin = []
-    for index, value in enumerate(start):
-        limit = param.limit(index)
-        begin.append(float(value) if limit is None else min(max(float(value), limit[0]), limit[1]))
+    begin = [_at_limit(param, index, float(value)) for index, value in enumerate(start)]
     count = 1
     for index, (a, b) in enumerate(zip(begin, values, strict=True)):
         if param.label_of(index) != COUPLED:
@@ -325,7 +313,7 @@ def move(hand: AidinHand, goal: Goal, prompts: Prompts, *, assume_homed: bool, e
     with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts, ImplausibleFeedback, otherwise=GOES_ON):
         _follow(hand, goal, ramp(goal, here, values, PERIOD), prompts)
         conversation.feedback = Feedback()
-        seen = Watch(axes_of(goal, values), STILL, hand.link.now(), before)
+        seen = Watch(list(axes_of(goal, values)), STILL, hand.link.now(), before)
         _settle(hand, goal, values, seen, prompts)
         arrived, lives = seen.reached, conversation.guard is not None and conversation.guard.changed
         if not arrived:
@@ -457,7 +445,7 @@ def mark(
 
 def followed(hand: AidinHand, goal: Goal, values: list[float], table: Table) -> None:
     """The same for targets that are no places, by one look at them."""
-    seen = Watch(axes_of(goal, values), Stillness(samples=1, seconds=0.0), hand.link.now())
+    seen = Watch(list(axes_of(goal, values)), Stillness(samples=1, seconds=0.0), hand.link.now())
     seen.note(hand.link.now(), _places(table))
     mark(hand, table, values, seen.arrivals())
 

@@ -52,9 +52,8 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
     limits = limits_of(settings, link)
     own = settings.own
     sign = own.get("position_sign", "")
-    hand = BarrettHand(
-        GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=bool(own.get("interrupt")))
-    )
+    interrupt = bool(own.get("interrupt"))
+    hand = BarrettHand(GclLine(link, journal, **limits, speed=settings.baud, sign=sign, interrupt=interrupt))
 
     def refuse_harm(line: str) -> None:
         from handctl.devices.barrett.motion import refuse_typed_harm
@@ -64,7 +63,7 @@ def open_barrett(link: ByteLink, settings: Settings, journal: Journal) -> Barret
     def count_save() -> None:
         from handctl.devices.barrett.eeprom_saves import Ledger
 
-        Ledger(hand, simulated=link.fake).count_unknown()
+        Ledger(hand).count({})
 
     hand.count_save, hand.refuse_harm = count_save, refuse_harm
     return hand
@@ -85,11 +84,9 @@ def _holds_back(name: str) -> str:
 def _report_checks(run: Run) -> Table:
     """The read-only checks of `diagnose`, for a report."""
     from handctl.devices.barrett.maintenance import diagnose
-    from handctl.devices.barrett.maintenance.diagnose import ExaminedHand
 
     hand: BarrettHand = run.device()
-    patient = ExaminedHand(hand, simulated=lambda: run.simulated, name="")
-    findings, failure = diagnose.examine(patient, diagnose.USUAL, run.settings.baud)
+    findings, failure = diagnose.examine(diagnose.ExaminedHand(hand), diagnose.USUAL, run.settings.baud)
     return diagnose.table_of(hand, findings, None, failure)
 
 
@@ -117,13 +114,6 @@ def asked_before(steps: Sequence[Step]) -> tuple[list[Step], str]:
     """The steps that may change the speed of the hand or write its EEPROM, whichever command carries them, and the question."""
     asks = [step for step in steps if step.strands]
     return asks, ". ".join(dict.fromkeys(KINDS[kind_of(step.meaning)].question for step in asks))
-
-
-def ask(run: Run, texts: Sequence[str]) -> None:
-    """Ask before these lines, where one of them needs it. Raises NotConfirmed."""
-    asks, question = asked_before([step_of(text) for text in texts])
-    if asks:
-        run.confirm(question, asks)
 
 
 def _sends(texts: Sequence[str], do: Callable[[BarrettHand], Table], question: str = "") -> PlannedAction:
@@ -258,7 +248,7 @@ def baud(run: Run, rate: int | None, save_too: bool) -> Table | PlannedAction:
     more = " and will also start with it" if save_too else ""
 
     def change(hand: BarrettHand) -> Table:
-        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if save_too else None
+        ledger = eeprom_saves.Ledger(hand) if save_too else None
         readings = hand.write([(BARRETT.elements("BAUD")[0], code)])
         if ledger is not None:
             hand.do("PSAVE")
@@ -338,12 +328,12 @@ def gcl_(
         run.journal.info("delays", f"handctl waits {seconds:g} s in all between the commands ({at})")
 
     def send(hand: BarrettHand) -> Table:
-        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if passthrough.saves(wanted) else None
+        ledger = eeprom_saves.Ledger(hand) if passthrough.saves(wanted) else None
         changes = any(kind_of(text) != "query" for text in wanted)
         hand.line.interrupt = bool(run.settings.own.get("interrupt")) or changes
         table = passthrough.run_all(hand, lines, keep_going=keep_going, prompts=run.prompts, force=force)
         if ledger is not None and passthrough.saves(row["command"] for row in table.rows if not row["status"]):
-            ledger.count_unknown()
+            ledger.count({})
         return table
 
     return _sends(wanted, send)
@@ -358,7 +348,9 @@ def _prompt(run: Run, *, force: bool) -> Table:
             run.prompts.say(f"careful: {note}")
         if not force:
             refuse_typed_harm(run.device(), text)
-        ask(run, [text])
+        asks, question = asked_before([step_of(text)])
+        if asks:
+            run.confirm(question, asks)
 
     if run.settings.dry_run:
         raise UsageError(
@@ -453,7 +445,7 @@ def load(run: Run, motors: str | None) -> PlannedAction:
     from handctl.devices.barrett import load_and_defaults
 
     commands = _motors_first(motors, "FLOAD", "PLOAD")
-    return _sends(commands, lambda hand: load_and_defaults.load(hand, commands, simulated=run.simulated))
+    return _sends(commands, lambda hand: load_and_defaults.load(hand, commands))
 
 
 @cli.verb("defaults", "Settings", writes=True, asks=True)
@@ -486,9 +478,9 @@ def save(run: Run, motors: str | None, force: bool) -> PlannedAction:
         if motors is None:
             (code,) = hand.numbers(BARRETT.elements("BAUD"))
             _refuse_to_keep(code, force)
-        return eeprom_saves.save(hand, force=force, simulated=run.simulated, prefix=prefix_of(motors))
+        return eeprom_saves.save(hand, force=force, prefix=prefix_of(motors))
 
-    return _sends(_saves(motors), keep)
+    return _sends(_motors_first(motors, "FSAVE", "PSAVE"), keep)
 
 
 @cli.verb("restore", "Files", writes=True, asks=True)
@@ -526,7 +518,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, .
 
     if not save_too:
         return act._replace(do=whole)
-    saves = [step_of(text) for text in _saves(None)]
+    saves = [step_of("FSAVE"), step_of("PSAVE")]
     asks, question = asked_before(saves)
 
     def look(hand: BarrettHand) -> Asked:
@@ -536,7 +528,7 @@ def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, .
     def write(hand: BarrettHand) -> Table:
         table = whole(hand)
         if table.failure is None:  # an interrupted restore has not brought about what was to be saved
-            eeprom_saves.save(hand, force=True, simulated=run.simulated)
+            eeprom_saves.save(hand, force=True)
         return table
 
     steps = lambda: [*act.every(), *(step._replace(strands=False) for step in saves)]  # noqa: E731
@@ -546,10 +538,6 @@ def restore(run: Run, file: str, save_too: bool, force: bool, skip: tuple[str, .
 def _motors_first(motors: str | None, of_motors: str, of_hand: str) -> list[str]:
     """The command for `motors`; without a choice that for all of them, and the one for the hand's own settings."""
     return [of_motors, of_hand] if motors is None else [prefix_of(motors) + of_motors]
-
-
-def _saves(motors: str | None) -> list[str]:
-    return _motors_first(motors, "FSAVE", "PSAVE")
 
 
 def _refuse_to_keep(code: int, force: bool) -> None:

@@ -479,7 +479,7 @@ class BarrettHand(Device):
         (version,) = BARRETT.elements("VERS")
         table.rows.append(self.row(Reading(version, 0, firmware.encode())))
         table.view = status_view
-        findings = unhealthy(table.rows)
+        findings = list(unhealthy(table.rows))
         if check:  # S says nothing of it: a hand that was left in RealTime is "ready" while it runs
             from handctl.devices.barrett.gcl.session_start import look_for_motion
 

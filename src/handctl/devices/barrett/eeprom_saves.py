@@ -36,20 +36,7 @@ def present(hand: BarrettHand) -> dict[str, int]:
     return {reading.element.full_name: int(reading.required) for reading in hand.present(hand.read(elements))}
 
 
-def last_saved(hand: BarrettHand, *, simulated: bool) -> dict[str, int]:
-    """What handctl saved last in this hand, by full name; {} where that is not known, or of a hand without a serial number."""
-    key = _key(hand, simulated)
-    values: dict[str, int] = _known(state_files.load(state_path(FILE), WHAT, _whole), key).get("values", {})
-    return values
-
-
-def _known(journal: dict[str, Any], key: str) -> dict[str, Any]:
-    """The entry of one hand. A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another."""
-    entry: dict[str, Any] = journal.get(key, {}) if key not in UNKNOWN_KEYS else {}
-    return entry
-
-
-def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -> Table:
+def save(hand: BarrettHand, *, force: bool, prefix: str = "") -> Table:
     """RAM to EEPROM for what changed since handctl's last save; refuses a save that changes nothing.
 
     With a GCL `prefix` the motors that it names only; the rest of the EEPROM stays as it is (barrett §5.2.2 FSAVE).
@@ -58,10 +45,8 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
     everything = present(hand)
     chosen = motors_of(prefix)
     now = {name: value for name, value in everything.items() if not prefix or name.rpartition(".")[2] in chosen}
-    key = _key(hand, simulated)
-    journal = state_files.load(state_path(FILE), WHAT, _whole)
-    saved: dict[str, int] = _known(journal, key).get("values", {})
-    before = {name: value for name, value in saved.items() if name in now}
+    journal = SaveJournal(hand)
+    before = {name: value for name, value in journal.last.items() if name in now}
     if now == before and not force:
         raise UsageError(
             "the settings are those that handctl saved last on this hand. The EEPROM cannot be read, so it is not known whether another program has saved since",
@@ -87,17 +72,17 @@ def save(hand: BarrettHand, *, force: bool, simulated: bool, prefix: str = "") -
             hand.do(verb)
         except DeviceRefused:
             if done:  # one half is in the EEPROM: count it, and let the next save write all again
-                _count(hand, journal, key, {})
+                journal.count({})
             raise
         except (HandctlError, KeyboardInterrupt) as exc:
             unsent = isinstance(exc, NotIdentified) or hand.journal.counters.sent == sent
             if done or not unsent:
-                _count(hand, journal, key, {})  # it may have been written: the next save writes everything
+                journal.count({})  # it may have been written: the next save writes everything
             if unsent:
                 raise
             raise _unsure(exc, verb) from exc
         done.append(verb)
-    _count(hand, journal, key, saved | now)
+    journal.count(journal.last | now)
     rows: list[Row] = [
         {"name": name, "before": None, "last_save": before.get(name), "value": now[name], "default": default_of(name)}
         for name in (changed if before else [name for name, value in now.items() if value != default_of(name)])
@@ -119,43 +104,50 @@ def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
     return error
 
 
-class Ledger:
+class SaveJournal:
+    """The journal, and the entry of one hand in it. Raises UsageError where the journal cannot be read."""
+
+    def __init__(self, hand: BarrettHand) -> None:
+        self._hand = hand
+        self._entries = state_files.load(state_path(FILE), WHAT, _whole)
+        (serial,) = hand.read(BARRETT.elements("SN"))
+        self._key = f"{'simulated-' if hand.link.fake else ''}{int(serial.value or 0)}"
+        self._entry: dict[str, Any] = self._entries.get(self._key, {})
+
+    @property
+    def last(self) -> dict[str, int]:
+        """What handctl saved last in this hand, by full name; {} where that is not known.
+
+        A serial number of 0 is that of every hand upgraded in the field: its entry may speak of another.
+        """
+        values: dict[str, int] = self._entry.get("values", {}) if self._key not in UNKNOWN_KEYS else {}
+        return values
+
+    def count(self, now: dict[str, int]) -> None:
+        """Count one save, which left these values; after one of unknown values, {}, the next save writes everything."""
+        count = int(self._entry.get("saves", 0)) + 1
+        self._entries[self._key] = self._entry = {"saves": count, "values": now}
+        try:
+            state_files.store(state_path(FILE), WHAT, self._entries)
+        except HandctlError as exc:
+            self._hand.journal.warn("journal", f"saved, but {exc.text}")
+        self._hand.journal.info("saves", f"save number {count} by handctl, of at most {MOST_SAVES} in the hand's life")
+
+
+class Ledger(SaveJournal):
     """Reads what the journal needs before a save is made otherwise, so that the save can be counted afterwards.
 
     Made before anything is written: when the hand cannot tell (over-temperature), nothing has been changed yet.
     """
 
-    def __init__(self, hand: BarrettHand, *, simulated: bool) -> None:
-        self._hand = hand
-        self._journal = state_files.load(state_path(FILE), WHAT, _whole)
-        self._key = _key(hand, simulated)
+    def __init__(self, hand: BarrettHand) -> None:
+        super().__init__(hand)
         self._values = present(hand)
 
     def count_common(self, **changed: int) -> None:
         """Count one PSAVE of what was read, with what has been `changed` since: the motors stay as saved last."""
-        motors = self._journal.get(self._key, {}).get("values", {})
-        now = {name: value for name, value in motors.items() if "." in name}
-        now |= {name: value for name, value in self._values.items() if "." not in name} | changed
-        _count(self._hand, self._journal, self._key, now)
-
-    def count_unknown(self) -> None:
-        """Count one save of unknown values: the next save writes everything."""
-        _count(self._hand, self._journal, self._key, {})
-
-
-def _key(hand: BarrettHand, simulated: bool) -> str:
-    (serial,) = hand.read(BARRETT.elements("SN"))
-    return f"{'simulated-' if simulated else ''}{int(serial.value or 0)}"
-
-
-def _count(hand: BarrettHand, journal: dict[str, Any], key: str, now: dict[str, int]) -> None:
-    count = int(journal.get(key, {}).get("saves", 0)) + 1
-    journal[key] = {"saves": count, "values": now}
-    try:
-        state_files.store(state_path(FILE), WHAT, journal)
-    except HandctlError as exc:
-        hand.journal.warn("journal", f"saved, but {exc.text}")
-    hand.journal.info("saves", f"save number {count} by handctl, of at most {MOST_SAVES} in the hand's life")
+        now = {name: value for name, value in self._entry.get("values", {}).items() if "." in name}
+        self.count(now | {name: value for name, value in self._values.items() if "." not in name} | changed)
 
 
 def default_of(name: str) -> int | None:

@@ -86,6 +86,10 @@ SIMULATED_MOTORS = {"SPREAD": "S"}
 NAMES = {"\r": "<CR>", "\n": "<LF>", "\x03": "<^C>"}
 
 
+def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> ExplainedBytes:
+    return ExplainedBytes(direction=direction, raw=raw, meaning=meaning, **more)  # type: ignore[arg-type]
+
+
 def shown(data: bytes | bytearray) -> str:
     """Bytes as text, with control characters by name: ``FGET P<CR>``."""
     return "".join(NAMES.get(chr(b), chr(b) if 32 <= b < 127 else f"<{b:02X}>") for b in data)
@@ -173,7 +177,7 @@ def answer_words(text: str, found: Answer) -> tuple[str, Values, str]:
     return (f"{text}: done" if text else "prompt"), (), ""
 
 
-def _gotten(prefix: str, kind: Command, words: list[str], found: Answer) -> tuple[str, Values, str]:
+def _gotten(prefix: str, kind: Command, words: tuple[str, ...], found: Answer) -> tuple[str, Values, str]:
     who = motors(prefix) if kind.name == "FGET" else [""]
     table = list(zip(words, values(found, len(words), len(who)), strict=False))
     texts = []
@@ -238,6 +242,7 @@ LATER = ("LFBP", "LFAIN", "LCT")
 SHAPING = (*CONTROL.values(), *(flag for flag in FEEDBACK.values() if flag not in LATER))
 TOLD = (*SHAPING, *LATER, "LFT")
 LEAVE = 0x03
+HEADERS = (b"C", b"c", b"A", b"a")
 LONGEST_ERROR = 64
 
 
@@ -291,25 +296,18 @@ class Flags:
 
 def factory_block(direction: str, data: bytes) -> list[ExplainedBytes]:
     """A block of all four motors with the flags of the factory, as one piece; [] if it has another size."""
-    layout = Flags().layout("")
-    if direction == HOST and data[:1] in (b"C", b"c") and len(data) == layout.control_size:
+    layout, header = Flags().layout(""), data[:1]
+    if direction == HOST and header in HEADERS and len(data) == (layout.control_size if header in b"Cc" else 1):
         return [control_piece(BlockWords(layout, control=True), data)]
-    if direction == DEVICE and data[:1] == b"*" and len(data) == layout.feedback_size:
+    if direction == DEVICE and header == b"*" and len(data) in (1, layout.feedback_size):
         return [feedback_piece(BlockWords(layout, control=False), data)]
-    if direction == HOST and len(data) == 1 and data in b"Aa":
-        return [control_piece(BlockWords(layout, control=True), data)]
-    if direction == DEVICE and data == b"*":
-        return [ExplainedBytes(direction=DEVICE, raw=data, meaning="* acknowledgement")]
-    known = {HOST: (b"C", b"c"), DEVICE: (b"*",)}[direction]
     binary = any(byte < 32 or byte > 126 for byte in data[1:].rstrip(b"\r\n"))
-    if data[:1] in known and binary and b"=>" not in data:
+    if header in (HEADERS[:2] if direction == HOST else (b"*",)) and binary and b"=>" not in data:
         kind = "control" if direction == HOST else "feedback"
         rest = f"{len(data) - 1} data bytes. Their meaning depends on the flags of the loop"
         numbers = " ".join(str(byte - 256 if byte > 127 else byte) for byte in data[1:])
-        parts = (Part(data[:1], "header", kind), Part(data[1:], "data", f"as signed bytes: {numbers}"))
-        return [
-            ExplainedBytes(direction=direction, raw=data, meaning=f"RealTime {kind} block with {rest}", parts=parts)
-        ]
+        parts = (Part(header, "header", kind), Part(data[1:], "data", f"as signed bytes: {numbers}"))
+        return [_piece(direction, data, f"RealTime {kind} block with {rest}", parts=parts)]
     return []
 
 
@@ -369,18 +367,20 @@ def control_piece(words: BlockWords, block: bytes) -> ExplainedBytes:
     told, values, parts = words.told(block) if len(block) > 1 else ("", (), ())
     asked = Part(block[:1], "header", "reply with feedback" if full else "reply with * only")
     back = "feedback" if full else "acknowledgement"
-    return ExplainedBytes(
-        direction=HOST, raw=block, meaning=f"{header}: {told or 'no control values'}, requests {back}",
+    return _piece(
+        HOST, block, f"{header}: {told or 'no control values'}, requests {back}",
         title=f"block {header}", values=values, parts=LazySequence(lambda: (asked, *parts)), fields={"header": header},
         kept={},
     )  # fmt: skip
 
 
 def feedback_piece(words: BlockWords, block: bytes) -> ExplainedBytes:
-    """A feedback block, complete."""
+    """A feedback block, complete; or a bare acknowledgement."""
+    if len(block) == 1:
+        return _piece(DEVICE, block, "* acknowledgement")
     told, values, parts = words.told(block)
-    return ExplainedBytes(
-        direction=DEVICE, raw=block, meaning=f"* {told or 'no feedback values'}", title="feedback", values=values,
+    return _piece(
+        DEVICE, block, f"* {told or 'no feedback values'}", title="feedback", values=values,
         parts=LazySequence(lambda: (Part(block[:1], "acknowledgement", "*"), *parts)), kept={},
     )  # fmt: skip
 
@@ -415,7 +415,7 @@ class LoopWords:
         while data and not self.leaving:
             header = data[0]
             if header == LEAVE:
-                pieces.append(ExplainedBytes(direction=HOST, raw=b"\x03", meaning="^C: leave RealTime", asks="leave"))
+                pieces.append(_piece(HOST, b"\x03", "^C: leave RealTime", asks="leave"))
                 data, self.leaving = data[1:], True
             elif header in b"CcAa":
                 size = self._control_size if header in b"Cc" else 1
@@ -443,11 +443,8 @@ class LoopWords:
                 if len(data) < size:
                     break
                 self._asked.popleft()
-                block, data = data[:size], data[size:]
-                if size > 1:
-                    pieces.append(self._feedback(block).keyed(answers=key))
-                else:
-                    pieces.append(ExplainedBytes(direction=DEVICE, raw=block, meaning="* acknowledgement", answers=key))
+                pieces.append(self._feedback(data[:size]).keyed(answers=key))
+                data = data[size:]
             elif data[0] in (0x0A, 0x0D):
                 end = data.find(PROMPT)
                 if end < 0 and len(data) <= LONGEST_ERROR:
@@ -469,10 +466,9 @@ class LoopWords:
         status = int(words[1]) if len(words) == 2 and words[1].isdigit() and len(words[1]) < 11 else 0
         why = f"ERR {status}: {explain_status(status)}. " if status else ""
         key = "leave" if self.leaving else self._asked[0][0] if self._asked else ""
-        return ExplainedBytes(
-            direction=DEVICE, raw=data[: _behind(data, end)], meaning=f"{why}RealTime has ended, prompt", answers=key,
-            problem="refused" if status else "", fields={"status": status},
-        )  # fmt: skip
+        raw, problem = data[: _behind(data, end)], "refused" if status else ""
+        meaning = f"{why}RealTime has ended, prompt"
+        return _piece(DEVICE, raw, meaning, answers=key, problem=problem, fields={"status": status})
 
 
 def _behind(data: bytes, end: int) -> int:
@@ -501,8 +497,8 @@ def record_parts(raw: bytes) -> tuple[Part, ...]:
 def record_piece(raw: bytes, key: str = "") -> ExplainedBytes:
     """A whole record."""
     address, count = int.from_bytes(raw[1:3], "little"), raw[3]
-    return ExplainedBytes(
-        direction=HOST, raw=raw, meaning=f"download record: {count} bytes at {address:04X}h", asks=key,
+    return _piece(
+        HOST, raw, f"download record: {count} bytes at {address:04X}h", asks=key,
         fields={"address": address, "count": count}, parts=record_parts(raw),
     )  # fmt: skip
 
@@ -511,7 +507,7 @@ def records(data: bytes) -> list[ExplainedBytes]:
     """The pieces of download bytes as the host sends them, from a trigger on; [] if they are none."""
     pieces: list[ExplainedBytes] = []
     if data[:2] == b"\xff\xff" and _whole(data[1:]):
-        pieces.append(ExplainedBytes(direction=HOST, raw=data[:1], meaning="the first trigger of a download"))
+        pieces.append(_piece(HOST, data[:1], "the first trigger of a download"))
         data = data[1:]
     while data:
         size = _whole(data)
@@ -566,7 +562,7 @@ class MonitorWords:
             if not self._begun:
                 self._begun = True
                 self._awaited.append((byte, "first"))
-                pieces.append(ExplainedBytes(direction=HOST, raw=b"\xff", meaning="the first trigger of a download"))
+                pieces.append(_piece(HOST, b"\xff", "the first trigger of a download"))
                 continue
             self._out.append(byte)
             size = len(self._out)
@@ -596,7 +592,7 @@ class MonitorWords:
             if byte != sent:
                 pieces += self._odd(byte, f"wrong echo: sent {sent:02X}, received {byte:02X}")
             elif kind == "first":
-                pieces.append(ExplainedBytes(direction=DEVICE, raw=bytes([byte]), meaning="echo of the first trigger"))
+                pieces.append(_piece(DEVICE, bytes([byte]), "echo of the first trigger"))
             else:
                 self._back.append(byte)
                 pieces += self._whole_echo()
@@ -620,11 +616,11 @@ class MonitorWords:
         raw = bytes(self._back[:size])
         del self._back[:size]
         text = f"echo of the record at {address:04X}h: {size} bytes, all correct"
-        return [ExplainedBytes(direction=DEVICE, raw=raw, meaning=text, answers=key)]
+        return [_piece(DEVICE, raw, text, answers=key)]
 
     def _odd(self, byte: int, text: str) -> list[ExplainedBytes]:
         """A byte that is not an echo; the record's echo can no longer be complete."""
-        return [*self._told(), ExplainedBytes(direction=DEVICE, raw=bytes([byte]), meaning=text, problem="wrong-echo")]
+        return [*self._told(), _piece(DEVICE, bytes([byte]), text, problem="wrong-echo")]
 
     def _told(self) -> list[ExplainedBytes]:
         """The echoes so far, before something else is explained."""
@@ -632,7 +628,7 @@ class MonitorWords:
         self._back.clear()
         if raw and self._ends:
             self._ends.popleft()
-        return [ExplainedBytes(direction=DEVICE, raw=raw, meaning=f"echoes: {len(raw)} bytes")] if raw else []
+        return [_piece(DEVICE, raw, f"echoes: {len(raw)} bytes")] if raw else []
 
 
 # -- the frames of the three protocols in words -----------------------------------------------------------------------
@@ -879,10 +875,9 @@ class BarrettExplainer:
         end = came.find(b"=>")
         if end < 0 or (end and came[end - 1] not in (10, 13)):
             return None
-        size = end + 3 if came[end + 2 : end + 3] == b" " else end + 2
-        lines = lines_of(came[:end])
+        raw, lines = came[: _behind(came, end)], lines_of(came[:end])
         text = f"prompt, after {' | '.join(lines)}" if lines else "prompt"
-        return self._take(_piece(DEVICE, came[:size], text, parts=line_parts(came[:size])))
+        return self._take(_piece(DEVICE, raw, text, parts=line_parts(raw)))
 
     def _answer(self, asked: Asked, answer: Answer) -> ExplainedBytes:
         self._flags.note(asked.command, answer)
@@ -967,10 +962,6 @@ def _answer(command: str, answer: Answer) -> ExplainedBytes:
         DEVICE, raw, meaning, problem=problem, fields={"command": command, "status": answer.status}, values=values,
         title=f"reply to {command}", parts=LazySequence(lambda: line_parts(raw)), kept={},
     )  # fmt: skip
-
-
-def _piece(direction: str, raw: bytes, meaning: str, **more: object) -> ExplainedBytes:
-    return ExplainedBytes(direction=direction, raw=raw, meaning=meaning, **more)  # type: ignore[arg-type]
 
 
 def _changes_speed(command: str, came: bytes) -> bool:

@@ -22,9 +22,9 @@ NAMED = 6
 """Values that a message names."""
 
 
-def load(hand: BarrettHand, commands: Sequence[str], *, simulated: bool) -> Table:
+def load(hand: BarrettHand, commands: Sequence[str]) -> Table:
     """Send FLOAD and PLOAD, and say of each whether it was seen to take effect."""
-    saved = eeprom_saves.last_saved(hand, simulated=simulated)
+    saved = eeprom_saves.SaveJournal(hand).last
     table, before, now = _sent(hand, commands)
     for command in commands if now else ():
         mine = _of(command, now)

@@ -16,6 +16,7 @@ from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, stands
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
+from handctl.fast_classes import fast_dataclass
 from handctl.model.movement import (
     ARRIVAL,
     ASTRAY,
@@ -39,16 +40,14 @@ from handctl.number_parsing import number_in
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
 """Where a movement without argument goes."""
 NEEDED = {
-    "HI": (),
-    "O": ("OT", "CT", "P", "IVEL"),
+    "O": ("OT", "CT", "P"),
     "C": ("CT", "OT", "P"),
-    "M": ("DP", "P", "IVEL"),
-    "IO": ("P", "DS", "IVEL"),
+    "M": ("DP", "P"),
+    "IO": ("P", "DS"),
     "IC": ("P", "DS"),
-    "HOME": ("P", "IVEL"),
-    "TO": ("IVEL",),
+    "HOME": ("P",),
 }
-"""What is asked before a movement: for its goal, and for what would harm."""
+"""What is asked before a movement for its goal; IVEL and the velocity follow, for what would harm."""
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
 """Which velocity a movement uses (barrett §5.2.1); the others close, with MCV."""
 COLUMNS = (
@@ -59,10 +58,8 @@ COLUMNS = (
     Column("ended", "Ended"),
     ARRIVAL,
 )
-TORQUE = ("TC", "TO")
-"""Movements that end at a stall: they have no target (barrett §5.5)."""
-CLOSING = {"TC": 1, "TO": -1}
-"""Which way they go: 1 closes."""
+TORQUE = {"TC": 1, "TO": -1}
+"""Movements that end at a stall: they have no target (barrett §5.5). Which way they go: 1 closes."""
 
 
 def command_text(prefix: str, name: str, argument: int | None) -> str:
@@ -117,11 +114,10 @@ def move_each(
     """Run a movement for each, one after the other; what speaks against any of them is found before the first. It ends with the first that failed."""
     for motors, counts in goals[1:] and goals:
         _before(hand, name, counts, _indices(motors), force)
-    table = Table()
+    rows: list[Row] = []
     for motors, counts in goals:
-        one = move(hand, motors, name, counts, prompts, force=force, expect=expect)
-        one.rows = table.rows + one.rows
-        table = one
+        table = move(hand, motors, name, counts, prompts, force=force, expect=expect)
+        table.rows = rows = rows + table.rows
         if table.failure is not None:
             break
     return table
@@ -129,6 +125,13 @@ def move_each(
 
 def _indices(prefix: str) -> list[int]:
     return [index for index in range(4) if not prefix or str(index + 1) in prefix]
+
+
+@fast_dataclass()
+class MovedTable(Table):
+    """The rows of a movement, and the seconds from its command to its prompt."""
+
+    seconds: float = 0.0
 
 
 def move(
@@ -140,42 +143,25 @@ def move(
     *,
     force: bool = False,
     expect: str = REACHED,
-) -> Table:
+) -> MovedTable:
     """Run a movement of `prefix` ("" = all enabled motors); rows per motor with position, goal, strain and how it ended.
 
     What the hand refuses, and a motor that did not end as expected, is the table's failure. Raises UsageError for an opening faster than IVEL may be, and for targets that turn it around, unless `force`;
     DeviceRefused for ERR 4 and other refusals; Interrupted after Ctrl-C, with where the motors are.
     """
-    return timed(hand, prefix, name, argument, prompts, force=force, expect=expect)[0]
-
-
-def timed(
-    hand: BarrettHand,
-    prefix: str,
-    name: str,
-    argument: int | None,
-    prompts: Prompts,
-    *,
-    force: bool = False,
-    expect: str = REACHED,
-) -> tuple[Table, float]:
-    """The same, and the seconds from the command to its prompt."""
     text = command_text(prefix, name, argument)
     motors = _indices(prefix)
     hand.line.connect()
     for index in motors:
-        usual = TRAVEL[index == 3]
-        if argument is not None and argument > usual:
-            hand.journal.warn(
-                "beyond",
-                f"{argument} is beyond the usual {usual} counts of {'the spread' if index == 3 else 'a finger'}",
-            )
-    goals, seconds, starts = _before(hand, name, argument, motors, force)
+        if argument is not None and argument > (most := TRAVEL[index == 3]):
+            whose = "the spread" if index == 3 else "a finger"
+            hand.journal.warn("beyond", f"{argument} is beyond the usual {most} counts of {whose}")
+    goals, usual, starts = _before(hand, name, argument, motors, force)
     prompts.progress(f"{text}: moving. The hand sends nothing until it stops.", CTRL_C)
     with hand.driven(prompts, powered=CTRL_C_KEEPS_POWER):
         began = hand.link.now()
-        answer = hand.line.ask(text, at_least=3 * seconds)
-        took = hand.link.now() - began
+        answer = hand.line.ask(text, at_least=3 * usual)
+        seconds = hand.link.now() - began
         hand.line.check_ended(text)
         strain = hand.read(BARRETT.elements("SG", motors=motors))  # first: it relaxes when the motor is off (dossier 5)
         look = run_stop(hand.link, stands(hand.stop_context(), Stopped(f"{text} has ended")))
@@ -185,25 +171,26 @@ def timed(
             raise NoAnswer(f"{hand.link.name}: {look.text}", hint=look.hint)
         prompts.done()
         try:
-            table, arrivals = _result(hand, name, answer, strain, motors, goals, starts, all_motors=not prefix)
+            rows, arrivals = _result(hand, name, answer, strain, motors, goals, starts, all_motors=not prefix)
             if answer.status:
-                _note_end(hand, answer, table.rows)
+                _note_end(hand, answer, rows)
         except (NoAnswer, ProtocolError) as exc:
             exc.text = f"{text} ended with status {answer.status}, but the positions could not be read: {exc.text}"
             raise
     # That a place was not reached (16) is told for some movements only (barrett §5.5): each motor is judged by where it is.
     missed = answer.status == NOT_REACHED
+    table = MovedTable(rows=rows, columns=COLUMNS, seconds=seconds)
     table.failure = hand.objection(answer._replace(status=0) if missed else answer)
     if table.failure is not None:
         hand.name_heat(table.failure)
-        return table, took
+        return table
     table.failure = failure_of_arrivals(hand.link.name, arrivals, expect, hint=hint_for(NOT_REACHED) if missed else "")
     if missed and expect == REACHED and table.failure is None:
         refusal = hand.refusal(answer)
         table.failure = CheckFailed(
             f"{refusal.text}, although each motor is within MPE of its target now", hint=refusal.hint, code=refusal.code
         )
-    return table, took
+    return table
 
 
 def _note_end(hand: BarrettHand, answer: Answer, rows: Sequence[Row]) -> None:
@@ -231,7 +218,7 @@ def _before(
 ) -> tuple[dict[int, int], float, dict[int, int]]:
     """Goals by motor, the longest time of the movement in seconds at the set velocities, and where each motor is: one line of questions."""
     velocity = VELOCITIES.get(name, ("MCV",))
-    wanted = list(dict.fromkeys([*NEEDED.get(name, ()), *velocity, "SAMPLE"]))
+    wanted = [*NEEDED.get(name, ()), *(["IVEL"] if "MOV" in velocity else []), *velocity, "SAMPLE"]
     if name in ("M", "IC", "IO") and argument is not None:
         wanted = [key for key in wanted if key not in ("DP", "DS")]
     by_motor: dict[int, dict[str, int]] = {index: {} for index in motors}
@@ -318,7 +305,7 @@ def _result(
     starts: dict[int, int],
     *,
     all_motors: bool,
-) -> tuple[Table, list[Arrival]]:
+) -> tuple[list[Row], list[Arrival]]:
     names = ["SG", "P", "S", "HSG", "LSG", "MPE", *(["EN"] if all_motors else [])]
     readings = [*hand.read(BARRETT.elements(*names, motors=motors)), *strain]
     at = {(gcl_name(reading.element), reading.element.index): reading.value for reading in readings}
@@ -343,7 +330,7 @@ def _result(
         if ended.verdict is not None:
             why = "" if ended.verdict == REACHED else ended.words
             arrivals.append(Arrival(Goal(motor, goals.get(index)), numbers.get("P"), ended.verdict, why))
-    return Table(rows=rows, columns=COLUMNS), arrivals
+    return rows, arrivals
 
 
 class Ended(NamedTuple):

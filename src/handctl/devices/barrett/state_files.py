@@ -112,8 +112,17 @@ def _keep_download(name: str, entry: dict[str, bool] | None) -> None:
 
 
 def _downloads() -> dict[str, Any]:
+    return _known(downloads_path(), "downloads", lambda entry: isinstance(entry, dict))
+
+
+def _speeds() -> dict[str, Any]:
+    return _known(files.state_path(NAME), "baud rates", lambda _speed: True)
+
+
+def _known(path: Path, what: str, valid: Callable[[object], bool]) -> dict[str, Any]:
+    """What a file says that is worth no error."""
     try:
-        return load(downloads_path(), "downloads", lambda entry: isinstance(entry, dict))
+        return load(path, what, valid)
     except UsageError:
         return {}
 
@@ -123,11 +132,4 @@ def _lasts(link: ByteLink) -> bool:
 
 
 def _counts(link: ByteLink) -> bool:
-    return link.can_set_baud and not link.fake and not link.replayed
-
-
-def _speeds() -> dict[str, Any]:
-    try:
-        return load(files.state_path(NAME), "baud rates", lambda _speed: True)
-    except UsageError:
-        return {}
+    return link.can_set_baud and _lasts(link)

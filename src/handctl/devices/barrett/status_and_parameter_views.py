@@ -6,7 +6,7 @@ And what must hold for a value to mean what it seems to: initialized, a gauge, a
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from handctl.devices.barrett.gcl.codec import MOTORS
@@ -65,30 +65,23 @@ def heat_hint(now: int, limit: int) -> str:
     )
 
 
-def audit(rows: Sequence[Row]) -> list[str]:
+def audit(rows: Sequence[Row]) -> Iterator[str]:
     """Values that the manual allows and warns of."""
-    found = []
     for row in rows:
-        if "value" not in row:
-            continue
-        index = MOTORS.index(row["motor"]) if row["motor"] else 0
-        objection = careful(Element(BARRETT[row["name"]], index), row["value"])
-        if objection is not None:
-            found.append(f"{row['motor'] or 'whole hand'}: {objection}")
+        if "value" in row:
+            element = Element(BARRETT[row["name"]], MOTORS.index(row["motor"]) if row["motor"] else 0)
+            if (objection := careful(element, row["value"])) is not None:
+                yield f"{row['motor'] or 'whole hand'}: {objection}"
     by = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
-    found += [
-        f"{motor}: HSG {by[('HSG', motor)]} and MSG {by[('MSG', motor)]} differ, although they are the same value"
-        for motor in MOTORS
-        if None not in (high := by.get(("HSG", motor)), alias := by.get(("MSG", motor))) and high != alias
-    ]
-    return found
+    for motor in MOTORS:
+        if None not in (high := by.get(("HSG", motor)), alias := by.get(("MSG", motor))) and high != alias:
+            yield f"{motor}: HSG {high} and MSG {alias} differ, although they are the same value"
 
 
-def unhealthy(rows: Sequence[Row]) -> list[Finding]:
+def unhealthy(rows: Sequence[Row]) -> Iterator[Finding]:
     """Findings: a code of several motors is one."""
     from handctl.devices.barrett.maintenance.health_limits import LIMIT, LIMIT_TENTHS
 
-    found: list[Finding] = []
     at = {(row["parameter"], row["motor"]): row.get("value") for row in rows}
     for status in dict.fromkeys(at.get(("S", motor)) for motor in MOTORS):
         if status:
@@ -97,26 +90,21 @@ def unhealthy(rows: Sequence[Row]) -> list[Finding]:
                 f"{STATUS_CODES[bit][0]} ({bit})" if bit in STATUS_CODES else "unknown"
                 for bit in split_status(int(status))
             )
-            found.append(Finding(f"{', '.join(motors)}: {explain_status(int(status))}", keys))
-    found += [
-        Finding(f"{motor} is disabled (EN 0): it moves only if it is named (--motors)", ("disabled",))
-        for motor in MOTORS
-        if at.get(("EN", motor)) == 0
-    ]
+            yield Finding(f"{', '.join(motors)}: {explain_status(int(status))}", keys)
+    for motor in MOTORS:
+        if at.get(("EN", motor)) == 0:
+            yield Finding(f"{motor} is disabled (EN 0): it moves only if it is named (--motors)", ("disabled",))
     temperature, limit, peak = (at.get((name, None)) for name in ("TEMP", "OTEMP", "PTEMP"))
     if temperature is not None and unmeasured(int(temperature)):
         text = f"temperature {temperature / 10:.1f} °C is impossible, so overheating cannot be detected"
-        found.append(Finding(text, ("no-temperature",)))
+        yield Finding(text, ("no-temperature",))
     elif temperature is not None and temperature >= LIMIT_TENTHS:
-        found.append(
-            Finding(f"temperature {temperature / 10:.1f} °C, which must never exceed {LIMIT} (barrett §2)", ("hot",))
-        )
+        yield Finding(f"temperature {temperature / 10:.1f} °C, which must never exceed {LIMIT} (barrett §2)", ("hot",))
     if limit and temperature is not None and temperature > limit:
         text = f"temperature {temperature / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C: motor commands fail"
-        found.append(Finding(text, ("over-limit",), heat_hint(temperature, limit)))
+        yield Finding(text, ("over-limit",), heat_hint(temperature, limit))
     if peak is not None and peak >= LIMIT_TENTHS:
-        found.append(Finding(f"its peak temperature was {peak / 10:.1f} °C", ("was-hot",)))
-    return found
+        yield Finding(f"its peak temperature was {peak / 10:.1f} °C", ("was-hot",))
 
 
 # -- how people see it -------------------------------------------------------------------------------------------

@@ -49,11 +49,6 @@ class StopAttempt(NamedTuple):
     sent: str
 
 
-def stop_steps(context: StopContext) -> StopSequence:
-    """^C, then T for all motors."""
-    return power_off(context)
-
-
 def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     """^C, which stops all motors, then T for the motors of `prefix` ("" = all); data after a silence shows another program.
 
@@ -74,6 +69,10 @@ def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
     at = ", ".join(f"{motor} {place}" for motor, place in zip(MOTORS, places, strict=True))
     return stopped._replace(text=f"{text}. Positions: {at}")
+
+
+stop_steps = power_off
+"""The stop of this family: of all motors."""
 
 
 def stands(context: StopContext, stopped: Stopped) -> StopSequence:
@@ -105,10 +104,10 @@ class _Look:
         for speed, names in product(self._speeds, self._names):
             command = f"FGET {names}"
             step = Step("read the positions", encode(command))
-            enough = partial(_answered, command, ())
+            enough = partial(_answer, command, ())
             came = yield StopStep(step, self._slow, enough, reads=True, baud=speed, size=64)
             self._came += b"".join(came)
-            answer = _answer(command, came)
+            answer = _answer(command, (), came)
             with suppress(ProtocolError):
                 if answer is not None and not answer.status:
                     places, *more = values(answer, len(names.split()), len(MOTORS))
@@ -191,9 +190,9 @@ def _at(
     while count < (tries if answer is None else TRIES):
         if answer is not None:  # it is there, and refused: it may obey a moment later
             came, pieces = [*came, *pieces], list((yield from silence()))
-        pieces += yield StopStep(step, seconds, partial(_answered, command, tuple(pieces)), baud=speed)
+        pieces += yield StopStep(step, seconds, partial(_answer, command, tuple(pieces)), baud=speed)
         count += 1
-        if (now := _answer(command, pieces)) is not None:
+        if (now := _answer(command, (), pieces)) is not None:
             answer = now
             if not _refusal(now):
                 break
@@ -243,14 +242,7 @@ def _prompt_in(before: tuple[bytes, ...], pieces: Pieces) -> bool:
     return has_prompt(b"".join([*before, *pieces]))
 
 
-def _answered(command: str, before: tuple[bytes, ...], pieces: Pieces) -> Answer | None:
-    return _answer(command, [*before, *pieces])
-
-
-def _answer(command: str, pieces: Pieces) -> Answer | None:
+def _answer(command: str, before: tuple[bytes, ...], pieces: Pieces) -> Answer | None:
     decoder = Decoder(command)
-    decoder.feed(b"".join(pieces))
-    try:
-        return decoder.next()
-    except ProtocolError:
-        return None
+    decoder.feed(b"".join([*before, *pieces]))
+    return decoder.next()

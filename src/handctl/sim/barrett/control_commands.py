@@ -124,7 +124,7 @@ def _put(device: Device, what: str, motor: Motor, counts: int) -> None:
     if what == "position":
         if motor.drive is not None:
             raise ValueError(f"{NAMES[motor.number]} is moving")
-        device.hand.put(motor.number, counts)
+        motor.jump(device.hand.now, counts)  # past all rules
     elif what == "obstacle":
         motor.obstacle = motor.origin + counts
     else:

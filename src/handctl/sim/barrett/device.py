@@ -177,9 +177,6 @@ class Device(Board):
 
     # -- bytes in --------------------------------------------------------------------------------------------------------
 
-    def due(self, pending: bytes) -> int | None:
-        return 1 if pending else None  # each byte is echoed as it arrives
-
     def together(self, pending: bytes) -> int:
         if self._hear != self._hear_line:
             return 1

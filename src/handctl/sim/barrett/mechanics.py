@@ -362,7 +362,7 @@ class Hand:
 
     # -- movements -----------------------------------------------------------------------------------------------------
 
-    def start(self, kind: str, motors: tuple[int, ...], argument: int | None) -> Movement:
+    def start(self, kind: str, motors: tuple[int, ...], argument: int | None) -> None:
         """Starts a movement command (§5.2.1); motors that are not initialized, or missing, give their code."""
         assert kind in MOVES
         movement = Movement(kind)
@@ -382,7 +382,6 @@ class Hand:
             movement.running.append(motor)
         self.movement = movement
         self._end_motors()
-        return movement
 
     def sample(self, motor: Motor) -> float:
         """Sample time of the motor's controller in s (§5.3.4 SAMPLE)."""
@@ -485,12 +484,8 @@ class Hand:
         if number != 3 or motor.powered or motor.drive is not None:
             return False
         motor.counts += abs(position - motor.position(self.now))
-        self.put(number, position)
+        motor.jump(self.now, position)
         return True
-
-    def put(self, number: int, position: int) -> None:
-        """Puts the joint at a position past all rules."""
-        self.motors[number].jump(self.now, position)
 
     def power(self, on: bool) -> None:
         self.powered = on

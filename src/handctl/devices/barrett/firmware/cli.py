@@ -12,6 +12,7 @@ from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.status_and_parameter_views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
+from handctl.model.check_rows import TONES
 from handctl.model.param import Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.wording import plural
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 POWER_SECONDS = 20.0
 """For the power switch and the hand's return, beside the download itself."""
-TONES = {"ok": "good", "warning": "warn", "force": "warn", "fail": "bad"}
 
 
 def add_firmware(group: Group) -> None:
@@ -90,12 +90,8 @@ def add_firmware(group: Group) -> None:
         def load(hand: BarrettHand) -> Table:
             run.prompts.say(f"Firmware file OK: {_summary(found)}")
             done = Loader(hand, run.prompts, found, window=window, expect=version_in(expect) if expect else None).run()
-            return Table(
-                rows=done.rows,
-                columns=(NAME, MOTOR, Column("value", "Value"), LABEL),
-                failure=done.mismatch,
-                extra={"firmware": _facts(found)},
-            )
+            done.columns, done.extra = (NAME, MOTOR, Column("value", "Value"), LABEL), {"firmware": _facts(found)}
+            return done
 
         question = f"{_summary(found)}. This replaces the hand's firmware. An interrupted download leaves the hand without firmware"
         return PlannedAction(lambda: _steps(found), load, question)
@@ -159,21 +155,10 @@ def _table(firmware: Firmware) -> Table:
 
 def _steps(firmware: Firmware) -> list[Step]:
     """The bytes of the opening and of every record."""
-    from handctl.devices.barrett.firmware.srecords import SELECT, TRIGGER, Transfer
+    from handctl.devices.barrett.firmware.srecords import SELECT, TRIGGER, head_of
 
     steps = [Step("with the hand's power off", SELECT, strands=True), Step("when the hand says : (3A)", TRIGGER)]
     for record in firmware.records:
-        transfer = Transfer(record, window=1)
-        sent = bytearray()
-        while not transfer.done:
-            out = transfer.take()
-            sent += out
-            transfer.feed(out[-1:])
-        steps.append(
-            Step(
-                f"line {record.line}: {plural(len(record.data), 'byte')} to {record.address:04X}h",
-                bytes(sent),
-                strands=True,
-            )
-        )
+        meaning = f"line {record.line}: {plural(len(record.data), 'byte')} to {record.address:04X}h"
+        steps.append(Step(meaning, TRIGGER + head_of(record) + TRIGGER + record.data, strands=True))
     return steps

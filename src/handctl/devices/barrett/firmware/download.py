@@ -7,7 +7,6 @@ half-loaded is repaired by doing it again from the start.
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Firmware, Transfer
@@ -29,7 +28,7 @@ from handctl.errors import (
 )
 from handctl.link import ByteLink
 from handctl.model.prompts import InterruptCount, Prompts
-from handctl.model.result import Row
+from handctl.model.result import Row, Table
 
 READY_SECONDS = 120.0
 STILL_ON_SECONDS = 10.0
@@ -57,13 +56,6 @@ DOWNLOADS = "a firmware download is running: the boot monitor moves nothing, and
 WHOLE = "no data was sent, so the firmware has not changed. Switch the hand off and on, and check it with `handctl barrett version`"
 
 
-class Download(NamedTuple):
-    """The result of a download."""
-
-    rows: list[Row]
-    mismatch: HandctlError | None
-
-
 class Loader:
     """One download into one hand."""
 
@@ -87,7 +79,7 @@ class Loader:
         """The hand's line."""
         return self.hand.line.link
 
-    def run(self) -> Download:
+    def run(self) -> Table:
         """The whole procedure. Raises NoAnswer, ProtocolError, LinkError, Interrupted with the address it stopped at."""
         before = self._version_before()
         ledger = self.hand.journal.ledger
@@ -376,7 +368,7 @@ class Loader:
             text = f"every byte was echoed, but no firmware replies: {exc.text}"
             raise exc.reworded(text, hint=Hint(f"{CYCLE} Then run {{}}", "barrett version"), code="not-alive") from exc
 
-    def _verdict(self, before: str, after: str) -> Download:
+    def _verdict(self, before: str, after: str) -> Table:
         readings = self.hand.read(BARRETT.elements("S", "SN", "OTEMP", "BAUD"))
         rows: list[Row] = [
             row_of("file", None, None, self.firmware.name, None),
@@ -389,20 +381,17 @@ class Loader:
         ]
         found = version_in(after)
         wanted = self.expect or version_in(self.firmware.name) or version_in(self.firmware.header)
-        mismatch: HandctlError | None = None
+        table = Table(rows=rows)
         if wanted is not None and found != wanted:
             text = f"{self.link.name}: the hand reports {after!r}, expected version {wanted}"
             if self.expect is not None:
-                mismatch = CheckFailed(
-                    text,
-                    hint="check the file: it may be the wrong one, or the hand still has its old firmware",
-                    code="version",
-                )
+                hint = "check the file: it may be the wrong one, or the hand still has its old firmware"
+                table.failure = CheckFailed(text, hint=hint, code="version")
             else:
                 # The manual itself is not sure which file is which version (§1.1.2 against T1): a remark only.
                 self.hand.journal.warn("version", f"{text} by the file's name", hint="use --expect to check this")
         self.hand.journal.info("init", Hint("run {} before any movement", "barrett init"))
-        return Download(rows, mismatch)
+        return table
 
 
 def version_in(text: str) -> str | None:

@@ -279,6 +279,11 @@ READY = b":"
 TRIGGER = b"\xff"
 
 
+def head_of(record: Record) -> bytes:
+    """What goes ahead of a record's data: address low, address high, count."""
+    return bytes((record.address & 0xFF, record.address >> 8, len(record.data)))
+
+
 class EchoError(ProtocolError):
     """An echo that differs, or one too many."""
 
@@ -292,8 +297,7 @@ class Transfer:
     """
 
     def __init__(self, record: Record, *, window: int = 1, triggers_echo: bool = False) -> None:
-        head = bytes((record.address & 0xFF, record.address >> 8, len(record.data)))
-        self._groups = [head, bytes(record.data)]
+        self._groups = [head_of(record), bytes(record.data)]
         self._address = record.address
         self._window = window
         self.triggers_echo = triggers_echo

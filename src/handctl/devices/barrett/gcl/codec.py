@@ -129,14 +129,9 @@ def kind_of(text: str, unknown: str = "set") -> str:
     return "baud" if command.name == "PSET" and "BAUD" in arguments else command.kind
 
 
-def split(text: str) -> tuple[str, Command | None, list[str]]:
-    """``12M 5000`` -> ("12", the command M, ["5000"]); an unknown command gives None. No command begins with G or S."""
-    prefix, command, words = _split(text)
-    return prefix, command, list(words)
-
-
 @lru_cache(1024)
-def _split(text: str) -> tuple[str, Command | None, tuple[str, ...]]:
+def split(text: str) -> tuple[str, Command | None, tuple[str, ...]]:
+    """``12M 5000`` -> ("12", the command M, ("5000",)); an unknown command gives None. No command begins with G or S."""
     words = tuple(text.upper().split())
     if not words:
         return "", None, ()

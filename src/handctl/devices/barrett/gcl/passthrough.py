@@ -121,33 +121,27 @@ def run_all(
     return Table(rows=rows, columns=COLUMNS, text=as_text, plain=("text",), failure=failure)
 
 
-class DeathGuard:
+class DeathGuard(ExitStack):
     """From the first line that may move something on, the death of this process stops the hand, as in a movement.
 
     A line that may change the baud rate ends it until the next movement: the child is to know the new one.
     """
 
     def __init__(self, hand: BarrettHand) -> None:
+        super().__init__()
         self._hand = hand
-        self._stack = ExitStack()
         self._on = False
 
     def before(self, text: str) -> None:
         """This line goes out next. Of a command that handctl does not know, nobody knows that it moves nothing. Raises LinkError."""
         kind = kind_of(text, "motion")
         if kind == "speed":
-            self._stack.close()
+            self.close()
             self._on = False
         elif KINDS[kind].moves and not self._on:
             self._hand.line.connect()
-            self._stack.enter_context(self._hand.guarded())
+            self.enter_context(self._hand.guarded())
             self._on = True
-
-    def __enter__(self) -> DeathGuard:
-        return self
-
-    def __exit__(self, *_exc: object) -> None:
-        self._stack.close()
 
 
 def ask(hand: BarrettHand, text: str, prompts: Prompts) -> Answer:
@@ -274,10 +268,10 @@ def _one(run: Run, hand: BarrettHand, text: str, before: Callable[[str], None], 
     try:
         before(text)
         guard.before(text)
-        ledger = eeprom_saves.Ledger(hand, simulated=run.simulated) if saves([text]) else None
+        ledger = eeprom_saves.Ledger(hand) if saves([text]) else None
         answer = ask(hand, text, run.prompts)
         if ledger is not None and not answer.status:
-            ledger.count_unknown()
+            ledger.count({})
         for line in answer.lines:
             run.out(line)
         error = objection(hand, answer)

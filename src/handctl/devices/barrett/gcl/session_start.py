@@ -131,7 +131,8 @@ class SessionStart:
         if send == table.SEND_NOTHING:
             return came + self._hear(self._seconds(state))
         if send == table.LOOP_TEST:
-            return self._test_wire()
+            self._asked = table.LOOPED
+            return table.LOOPED if comes_back(self.link) else b""
         if send == table.ABORTS:
             return self._leave(state)
         if send == table.REST:
@@ -211,11 +212,6 @@ class SessionStart:
             return b"\n\r=> " if rest is None else rest
         return self._ask(b"", self._seconds(state), table.FILL)
 
-    def _test_wire(self) -> bytes:
-        """The test, as bytes for the table."""
-        self._asked = table.LOOPED
-        return table.LOOPED if comes_back(self.link) else b""
-
     # -- the end -----------------------------------------------------------------------------------------------------
 
     def _ready(self, came: bytes) -> None:
@@ -227,7 +223,7 @@ class SessionStart:
             slow = link.now() - self._echoed[0] + LATE_PROMPT + line.wire_seconds(8)
             for _ in self._echoed[1:]:  # the prompt that came answered the first; as late as that, the others' follow
                 line.until_prompt(slow)
-        if table.OTHER in (table.seen_in(came, self._asked),):
+        if table.seen_in(came, self._asked) == table.OTHER:
             line.until_prompt(LATE_PROMPT + line.wire_seconds(8))  # a prompt more may belong to it
             line.odd(table.QUESTION_TEXT, table.answer_in(came), table.MANUAL_ANSWER)
         state_files.remember(link)

@@ -78,7 +78,7 @@ def add_care_commands(group: Group) -> None:
 
         points = lubrication.chosen_points(greased) if greased is not None else []
         hand = run.device()
-        care = lubrication.MaintenanceLog(hand, simulated=run.simulated, name=name)
+        care = lubrication.MaintenanceLog(hand, name)
         if points:
             care.grease(points)
         return lubrication.table_of(hand, care, check=check)
@@ -211,7 +211,7 @@ def add_care_commands(group: Group) -> None:
             )
 
         def examine(hand: BarrettHand) -> Table:
-            patient = doctor.ExaminedHand(hand, simulated=lambda: run.simulated, name=name)
+            patient = doctor.ExaminedHand(hand, name)
             wanted = [*doctor.USUAL, *(entry.checks if entry is not None else ())]
             findings, failure = doctor.examine(patient, wanted, run.settings.baud)
             answers = findings[0].status == "ok" and failure is None

@@ -13,11 +13,12 @@ trial that the hand did not carry out the rest is skipped.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property, partial
 from typing import NamedTuple
 
 from handctl.devices.barrett import motion
-from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.gcl.codec import MOTORS, motors_of
 from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.gcl.status_codes import NOT_INITIALIZED
@@ -69,20 +70,17 @@ class Values(dict[tuple[str, str | None], int]):
 class ExaminedHand:
     """One hand under diagnosis: what was read of it, once."""
 
-    def __init__(self, hand: BarrettHand, *, simulated: Callable[[], bool], name: str = "") -> None:
-        self.hand, self.simulated, self.name = hand, simulated, name
-        self._values: Values | None = None
+    def __init__(self, hand: BarrettHand, name: str = "") -> None:
+        self.hand, self.name = hand, name
 
-    @property
+    @cached_property
     def values(self) -> Values:
         """Every parameter of §5.3 and §5.4, read at the first use."""
-        if self._values is None:
-            self._values = self.read()
-        return self._values
+        return self.read()
 
     def greasing(self) -> list[Row]:
         """Strokes since the last greasing, a row a point and motor."""
-        return lubrication.MaintenanceLog(self.hand, simulated=self.simulated(), name=self.name).lubrication()
+        return lubrication.MaintenanceLog(self.hand, self.name).lubrication()
 
     def read(self, *names: str) -> Values:
         """Parameters of all motors, all of them without names."""
@@ -96,7 +94,7 @@ class ExaminedHand:
         return found
 
 
-Check = Callable[[ExaminedHand], list[Finding]]
+Check = Callable[[ExaminedHand], Iterable[Finding]]
 
 
 # -- the usual checks ---------------------------------------------------------------------------------------------
@@ -179,16 +177,14 @@ def temperature(patient: ExaminedHand) -> list[Finding]:
     return [health_limits.temperature(patient.values["TEMP", None]), health_limits.peak(patient.values["PTEMP", None])]
 
 
-def odometer(patient: ExaminedHand) -> list[Finding]:
+def odometer(patient: ExaminedHand) -> Iterator[Finding]:
     """Strokes since the last greasing, against 5,000: one row per motor, its most urgent point."""
     rows = patient.greasing()
-    found = []
     for motor in MOTORS:
         worst = max((row for row in rows if row["motor"] == motor), key=lambda row: int(row["value"]))
         evidence = f"{worst['point']}: {worst['value']} strokes, {worst['label']}"
         remedy = "" if worst["status"] == OK else "grease, then `handctl barrett maintenance --greased POINT`"
-        found.append(Finding(f"odometer.{motor}", str(worst["status"]), evidence, remedy, "barrett §7.3"))
-    return found
+        yield Finding(f"odometer.{motor}", str(worst["status"]), evidence, remedy, "barrett §7.3")
 
 
 def strain_(patient: ExaminedHand) -> list[Finding]:
@@ -225,9 +221,8 @@ def repeatable(patient: ExaminedHand) -> list[Finding]:
     return [Finding("repeatable", OK, f"{plural(len(again), 'setting')} read twice, all alike", source="barrett §8")]
 
 
-def strain_limits(patient: ExaminedHand) -> list[Finding]:
+def strain_limits(patient: ExaminedHand) -> Iterator[Finding]:
     """SG against HSG and LSG: a movement beyond a limit ends at once. SGFLIP is checked with the parameters."""
-    found = []
     for finger in FINGERS:
         sg, high, low = (patient.values[name, finger] for name in ("SG", "HSG", "LSG"))
         off = f"barrett set HSG.{finger}=256 LSG.{finger}=256"
@@ -238,8 +233,7 @@ def strain_limits(patient: ExaminedHand) -> list[Finding]:
             wrong = f"SG {sg} is outside LSG {low} to HSG {high}"
             remedy = Hint("zero the gauge (§7.4), or switch the limits off with {}", off)
         good = f"SG {sg}, HSG {high}, LSG {low} (255 and 256 are off)"
-        found.append(verdict(f"strain_limits.{finger}", "barrett §8, §5.5", good, wrong, remedy, FAIL))
-    return found
+        yield verdict(f"strain_limits.{finger}", "barrett §8, §5.5", good, wrong, remedy, FAIL)
 
 
 def velocities(patient: ExaminedHand) -> list[Finding]:
@@ -290,15 +284,14 @@ def equal_fingers(patient: ExaminedHand) -> list[Finding]:
     return [verdict("equal_fingers", "barrett §8", good, wrong if differ else "", remedy)]
 
 
-def close_target(patient: ExaminedHand) -> list[Finding]:
+def close_target(patient: ExaminedHand) -> Iterator[Finding]:
     """CT at or beyond the palm, which is about 17,000 counts (factory value)."""
-    found, factory = [], BARRETT.by_mnemonic("CT").default_of(0) or 0
+    factory = BARRETT.by_mnemonic("CT").default_of(0) or 0
     for finger in FINGERS:
         good = f"CT {patient.values['CT', finger]}"
         wrong = f"{good} ends before the palm" if patient.values["CT", finger] < factory else ""
         remedy = Hint("{}", f"barrett set CT.{finger}={factory}")
-        found.append(verdict(f"close_target.{finger}", "barrett §8", good, wrong, remedy))
-    return found
+        yield verdict(f"close_target.{finger}", "barrett §8", good, wrong, remedy)
 
 
 def spread_greasing(patient: ExaminedHand) -> list[Finding]:
@@ -384,7 +377,7 @@ def examine(patient: ExaminedHand, names: Sequence[str], speed: int | None) -> t
     for place, name in enumerate(names):
         rest = names[place + 1 :]
         try:
-            found += CHECKS[name](patient)
+            found += list(CHECKS[name](patient))  # all of a check, or none
         except LinkError as exc:
             found[0] = Finding("communication", FAIL, exc.text, exc.hint, "barrett §3.3")
             return [*found, *_skipped(names[place:])], exc
@@ -493,7 +486,7 @@ class Trial(NamedTuple):
 
     title: str
     commands: Callable[[str], list[str]]
-    run: Callable[[ExaminedHand, str, Prompts], list[Finding]]
+    run: Callable[[ExaminedHand, str, Prompts], Iterable[Finding]]
 
 
 def _moved(patient: ExaminedHand, digits: str, name: str, argument: int | None, prompts: Prompts) -> list[Row]:
@@ -515,56 +508,51 @@ def _timed(patient: ExaminedHand, text: str, prompts: Prompts) -> float:
     return took
 
 
-def initialize(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:
+def initialize(patient: ExaminedHand, digits: str, prompts: Prompts) -> Iterator[Finding]:
     """HI: every motor must be ready afterwards."""
     table = motion.move(patient.hand, digits, "HI", None, prompts)
     if table.failure is not None and all(row["status"] == 0 for row in table.rows):
         raise table.failure
-    found = []
     for row in table.rows:
         check, code = f"initialize.{row['motor']}", row["status"]
         good = Finding(check, OK, f"ready at {row['value']}", source="barrett §5.2.1")
         bad = health_limits.motor_status(row["motor"], code or 0)._replace(check=check, status=FAIL)
-        found.append(good if code == 0 else bad)
-    return found
+        yield good if code == 0 else bad
 
 
-def _to_target(check: str, name: str, blocked: str) -> Callable[[ExaminedHand, str, Prompts], list[Finding]]:
-    def run(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:
-        found = []
-        for row in _moved(patient, digits, name, None, prompts):
-            evidence = f"at {row['value']} of {row['target']}: {row['ended']}"
-            good = Finding(f"{check}.{row['motor']}", OK, evidence, source="barrett §5.5")
-            bad = good._replace(status=FAIL, remedy=blocked, source="barrett §8, §5.5")
-            found.append(good if row["arrival"] == REACHED else bad)
-        return found
+def _to_target(
+    check: str, name: str, velocity: str, patient: ExaminedHand, digits: str, prompts: Prompts
+) -> Iterator[Finding]:
+    """O or C: every motor must get to its target."""
+    blocked = f"look for an object, another finger, a strain limit, or {velocity} below 40"
+    for row in _moved(patient, digits, name, None, prompts):
+        evidence = f"at {row['value']} of {row['target']}: {row['ended']}"
+        good = Finding(f"{check}.{row['motor']}", OK, evidence, source="barrett §5.5")
+        bad = good._replace(status=FAIL, remedy=blocked, source="barrett §8, §5.5")
+        yield good if row["arrival"] == REACHED else bad
 
-    return run
 
-
-def direction(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:
+def direction(patient: ExaminedHand, digits: str, prompts: Prompts) -> Iterator[Finding]:
     """A small step to close, one to open: the position must grow, then fall. At a stop only one of them can move."""
     places = [patient.read("P")]
     for name in ("IC", "IO"):
         _moved(patient, digits, name, DIRECTION_COUNTS, prompts)
         places.append(patient.read("P"))
-    found = []
     for motor in motors_of(digits):
         start, closed, opened = (place["P", motor] for place in places)
         check, source = f"direction.{motor}", "barrett §8"
         evidence = f"closing {closed - start:+d}, opening {opened - closed:+d} of {DIRECTION_COUNTS}"
         if closed < start or opened > closed:
             remedy = Hint("{} (encoder feedback). If it happens again, send the hand for service", "barrett init")
-            found.append(Finding(check, FAIL, f"{evidence}: the wrong way", remedy, source))
+            yield Finding(check, FAIL, f"{evidence}: the wrong way", remedy, source)
         elif closed == start and opened == closed:
             still = f"{evidence}: it did not move"
-            found.append(Finding(check, WARNING, still, "check that nothing is in its way", source))
+            yield Finding(check, WARNING, still, "check that nothing is in its way", source)
         else:
-            found.append(Finding(check, OK, evidence, source=source))
-    return found
+            yield Finding(check, OK, evidence, source=source)
 
 
-def strain_curve(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:
+def strain_curve(patient: ExaminedHand, digits: str, prompts: Prompts) -> Iterator[Finding]:
     """A slow close in free air: strain must stay near its no-load value all the way (§9.4)."""
     seen: dict[str, list[int]] = {motor: [] for motor in motors_of(digits)}
     _moved(patient, digits, "O", None, prompts)
@@ -573,18 +561,16 @@ def strain_curve(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[F
             if row["strain"] is not None:
                 seen[row["motor"]].append(row["strain"])
     _moved(patient, digits, "O", None, prompts)
-    found = []
     width = strain_gauges.NO_LOAD[1] - strain_gauges.NO_LOAD[0]
     for motor, values in seen.items():
         check, source = f"strain_curve.{motor}", "barrett §8, §9.4"
         if not values or set(values) == {NO_GAUGE}:
-            found.append(Finding(check, SKIPPED, "no strain gauge", source=source))
+            yield Finding(check, SKIPPED, "no strain gauge", source=source)
             continue
         evidence = f"{min(values)} to {max(values)} in {plural(len(values), 'step')} of {STEP_COUNTS} counts"
         wrong = f"{evidence}: more than {width} in free air" if max(values) - min(values) > width else ""
         remedy = "if nothing touched it, check the pretension (§7.1), the potentiometer (§7.4) and the idler pulley (Figure 18)"
-        found.append(health_limits.verdict(check, source, evidence, wrong, remedy))
-    return found
+        yield verdict(check, source, evidence, wrong, remedy)
 
 
 def torque_speed(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:
@@ -599,23 +585,21 @@ def torque_speed(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[F
     evidence = ", ".join(f"{motor} {speed:.0f}" for motor, speed in speeds.items()) + " counts a second"
     wrong = evidence if max(speeds.values()) > UNEVEN * min(speeds.values()) else ""
     remedy = "grease the slow finger (§7.3), or compensate with MCV or FPG"
-    return [health_limits.verdict("torque_speed", "barrett §8", evidence, wrong, remedy)]
+    return [verdict("torque_speed", "barrett §8", evidence, wrong, remedy)]
 
 
-def spread_time(patient: ExaminedHand, digits: str, prompts: Prompts) -> list[Finding]:
+def spread_time(patient: ExaminedHand, digits: str, prompts: Prompts) -> Iterator[Finding]:
     """The spread over its whole way and back, fingers open, against the time its velocities ask for."""
     _moved(patient, "123", "O", None, prompts)
     _timed(patient, "4O", prompts)
-    found = []
     for text, velocity in (("4C", "MCV"), ("4O", "MOV")):
         seconds = _timed(patient, text, prompts)
         usual = travel_seconds(3, patient.values[velocity, "SPREAD"], patient.values["SAMPLE", "SPREAD"])
         evidence = f"{text}: {seconds:.2f} s, about {usual:.2f} s at {velocity} {patient.values[velocity, 'SPREAD']}"
         if seconds > slowest(usual):
-            found.append(Finding("spread_time", WARNING, evidence, "grease the spread's gears", "barrett §7.3, §8"))
+            yield Finding("spread_time", WARNING, evidence, "grease the spread's gears", "barrett §7.3, §8")
         else:
-            found.append(Finding("spread_time", OK, evidence, source="barrett §8"))
-    return found
+            yield Finding("spread_time", OK, evidence, source="barrett §8")
 
 
 def slowest(usual: float) -> float:
@@ -629,16 +613,8 @@ def _one(name: str) -> Callable[[str], list[str]]:
 
 TRIALS: dict[str, Trial] = {
     "initialize": Trial("initialize, fingers open fully", _one("HI"), initialize),
-    "open": Trial(
-        "open",
-        _one("O"),
-        _to_target("open", "O", "look for an object, another finger, a strain limit, or MOV below 40"),
-    ),
-    "close": Trial(
-        "close",
-        _one("C"),
-        _to_target("close", "C", "look for an object, another finger, a strain limit, or MCV below 40"),
-    ),
+    "open": Trial("open", _one("O"), partial(_to_target, "open", "O", "MOV")),
+    "close": Trial("close", _one("C"), partial(_to_target, "close", "C", "MCV")),
     "direction": Trial(
         "close and open a little",
         lambda digits: [f"{digits}{name} {DIRECTION_COUNTS}" for name in ("IC", "IO")],
@@ -663,7 +639,7 @@ TRIALS: dict[str, Trial] = {
 def steps(names: Sequence[str], digits: str) -> list[Step]:
     """The exact bytes of several trials."""
     return [
-        Step(f"{name}: {TRIALS[name].title}", f"{text}\r".encode("ascii"), moves=True)
+        step_of(text)._replace(meaning=f"{name}: {TRIALS[name].title}")
         for name in names
         for text in TRIALS[name].commands(digits)
     ]
@@ -674,7 +650,7 @@ def run_all(patient: ExaminedHand, names: Sequence[str], digits: str, prompts: P
     found: list[Finding] = []
     for place, name in enumerate(names):
         try:
-            found += TRIALS[name].run(patient, digits, prompts)
+            found += list(TRIALS[name].run(patient, digits, prompts))
         except HandctlError as exc:
             if ended_by_interrupt(exc):
                 raise

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, implausible
+from handctl.devices.barrett.parameter_map import FINGERS, implausible
 from handctl.devices.barrett.realtime.joint_angles import AFTER, BEFORE, Joints, joints
 from handctl.devices.barrett.status_and_parameter_views import (
     DOUBT,
@@ -170,33 +170,25 @@ class Tips:
         now = self.hand.link.now()
         if self._asked is None or now - self._asked >= 1.0:
             names.insert(1, "S")
-        at: dict[str, dict[str, int]] = {name: {} for name in names}
-        for reading in self.hand.read(BARRETT.elements(*names)):
-            name, motor = self.hand.row(reading)["parameter"], str(reading.element.part)
-            if reading.error is not None or reading.value is None:
-                if name in ("P", "S") or reading.error is None or reading.error.code != "err-64":
-                    raise reading.error or ProtocolError(f"{name} was not read")
-                continue
-            at[name][motor] = int(reading.value)
-        if "S" in at:
+        at = self.hand.by_name(*names, dispensable=("BD", "BP"))
+        if "S" in names:
             self._asked = now
-            self._tell_lost(tuple(motor for motor, status in at["S"].items() if status & 4))
+            self._tell_lost(tuple(motor for motor in MOTORS if at["S", motor] & 4))
         if self._tells is None:
-            self._tells = bool(at.get("BD"))
+            self._tells = ("BD", FINGERS[0]) in at
             if not self._tells:
                 self.hand.journal.info(
                     "breakaway-unknown",
                     "this firmware does not report whether a clutch has let go, so handctl assumes that none has",
                     hint="open any finger that has met an object: until then the position of its tip is unknown (barrett §9.5)",
                 )
+        places = {motor: at["P", motor] for motor in MOTORS}
         broken = {
-            finger: at["BP"][finger] if at["BD"].get(finger) and finger in at["BP"] else None
-            for finger in FINGERS
-            if self._tells
+            finger: at.get(("BP", finger)) if at.get(("BD", finger)) else None for finger in FINGERS if self._tells
         }
-        self._refuse_impossible("P", at["P"])
+        self._refuse_impossible("P", places)
         self._refuse_impossible("BP", {finger: place for finger, place in broken.items() if place is not None})
-        return rows_of(at["P"], broken, known=bool(self._tells), lost=self._lost)
+        return rows_of(places, broken, known=bool(self._tells), lost=self._lost)
 
     def _refuse_impossible(self, name: str, places: Mapping[str, int]) -> None:
         """Raise ProtocolError at a position that no joint reaches: its angles would be false."""

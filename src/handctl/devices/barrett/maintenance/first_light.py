@@ -128,7 +128,7 @@ def _firmware(hand: BarrettHand) -> Observation:
 
 def _read(hand: BarrettHand) -> Values:
     """All settings and states. Raises SignOfHarm where the status of a motor shows heat."""
-    values = ExaminedHand(hand, simulated=lambda: hand.link.fake).read()
+    values = ExaminedHand(hand).read()
     signs_of_harm.refuse_heat(hand, values)
     return values
 
@@ -172,7 +172,7 @@ def _strain(hand: BarrettHand) -> Observation:
 
 
 def _grease(name: str, hand: BarrettHand) -> Observation:
-    rows = lubrication.MaintenanceLog(hand, simulated=hand.link.fake, name=name).lubrication()
+    rows = lubrication.MaintenanceLog(hand, name).lubrication()
     due: list[Row] = [row for row in rows if row["status"] != OK]
     text = "; ".join(f"{row['point']} {row['value']} strokes, {row['label']}" for row in due[:3])
     more = f"; and {len(due) - 3} more points" if len(due) > 3 else ""

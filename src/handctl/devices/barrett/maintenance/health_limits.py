@@ -7,7 +7,7 @@ follow, a velocity above friction, and a way between OT and CT.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
@@ -111,9 +111,8 @@ def motor_status(motor: str, code: int) -> Finding:
     return Finding(check, FAIL if worst else WARNING, explain_status(code), hint_for(worst or code), source)
 
 
-def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
+def settings(values: Mapping[tuple[str, str | None], int]) -> Iterator[Finding]:
     """All settings by (mnemonic, motor): ranges, recommended limits, velocities, switches. One finding per objection."""
-    found = []
     for (name, motor), value in values.items():
         param = BARRETT.by_mnemonic(name)
         if not param.writable or name == "OTEMP":
@@ -121,13 +120,12 @@ def settings(values: Mapping[tuple[str, str | None], int]) -> list[Finding]:
         index = MOTORS.index(motor) if motor else 0
         finding = _setting(param, motor, index, value)
         if finding is not None:
-            found.append(finding)
+            yield finding
     for motor in MOTORS:
         high, alias = values.get(("HSG", motor)), values.get(("MSG", motor))
         if high is not None and alias is not None and high != alias:
             evidence = f"HSG {high} and MSG {alias} differ although they are the same value, so the RAM contents may be corrupt"
-            found.append(Finding(f"HSG.{motor}", FAIL, evidence, "reload the firmware", "barrett §5.3.1, §3.7"))
-    return found
+            yield Finding(f"HSG.{motor}", FAIL, evidence, "reload the firmware", "barrett §5.3.1, §3.7")
 
 
 def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Finding | None:
@@ -207,64 +205,56 @@ def _back(motor: str | None, *names: str) -> str:
     return Hint("{}", f"barrett set {' '.join(words)}")
 
 
-def _state(motor: str, at: At) -> list[Reason]:
+def _state(motor: str, at: At) -> Iterator[Reason]:
     status = at["S", motor]
-    found = []
     if status & 3:
         what = "motor board" if status & 1 else "motor"
-        found.append(Reason(f"no {what} found (S {status})", "power-cycle the hand, then ask the vendor"))
+        yield Reason(f"no {what} found (S {status})", "power-cycle the hand, then ask the vendor")
     if at["EN", motor] == 0:
-        text = "EN 0: it moves only if it is named (--motors)"
-        found.append(Reason(text, _back(motor, "EN"), stands=False))
-    return found
+        yield Reason("EN 0: it moves only if it is named (--motors)", _back(motor, "EN"), stands=False)
 
 
-def _heat(at: At) -> list[Reason]:
+def _heat(at: At) -> Iterator[Reason]:
     limit, now = at["OTEMP", None], at["TEMP", None]
-    if not 0 < limit < now:
-        return []
-    if limit < 300:
+    if 0 < limit < min(now, 300):
         meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
-        return [Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", SET_LIMIT))]  # fmt: skip
-    return [Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)]
+        yield Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", SET_LIMIT))  # fmt: skip
+    elif 0 < limit < now:
+        yield Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)
 
 
-def _strain(motor: str, at: At) -> list[Reason]:
+def _strain(motor: str, at: At) -> Iterator[Reason]:
     now, low, high = at["SG", motor], at["LSG", motor], at["HSG", motor]
     if min(low, high) >= OFF:
-        return []
+        return
     if now == NO_GAUGE:
-        return [Reason(f"no strain gauge, but limits LSG {low} and HSG {high}", _back(motor, "HSG", "LSG"))]
-    if (high < OFF and now >= high) or (low < OFF and now <= low):
+        yield Reason(f"no strain gauge, but limits LSG {low} and HSG {high}", _back(motor, "HSG", "LSG"))
+    elif (high < OFF and now >= high) or (low < OFF and now <= low):
         limits = f"LSG {low if low < OFF else 'off'}, HSG {high if high < OFF else 'off'}"
-        return [Reason(f"SG {now} is beyond {limits}: a movement ends at once", _back(motor, "HSG", "LSG"))]
-    return []
+        yield Reason(f"SG {now} is beyond {limits}: a movement ends at once", _back(motor, "HSG", "LSG"))
 
 
-def _drive(motor: str, at: At) -> list[Reason]:
-    found = []
+def _drive(motor: str, at: At) -> Iterator[Reason]:
     slowest = min(at["MOV", motor], at["MCV", motor])
     if at["FPG", motor] == 0:
-        found.append(Reason("FPG 0: no gain, so no torque", _back(motor, "FPG")))
+        yield Reason("FPG 0: no gain, so no torque", _back(motor, "FPG"))
     if at["ACCEL", motor] == 0:
-        found.append(Reason("ACCEL 0: it never accelerates", _back(motor, "ACCEL")))
+        yield Reason("ACCEL 0: it never accelerates", _back(motor, "ACCEL"))
     elif at["ACCEL", motor] >= 16 * slowest:  # 1/256 and 1/16 count: a ramp that is shorter than one sample
         text = f"ACCEL {at['ACCEL', motor]} reaches full speed within one sample, which the motor cannot follow"
-        found.append(Reason(text, _back(motor, "ACCEL")))
+        yield Reason(text, _back(motor, "ACCEL"))
     if slowest < LEAST_VELOCITY:
         name = "MOV" if at["MOV", motor] == slowest else "MCV"
         text = f"{name} {slowest}: below {LEAST_VELOCITY} it may not overcome its friction"
-        found.append(Reason(text, _back(motor, name), stands=False))
+        yield Reason(text, _back(motor, name), stands=False)
     if at["TSTOP", motor] == 0:
-        found.append(Reason("TSTOP 0: it counts as stalled immediately", _back(motor, "TSTOP"), stands=False))
-    return found
+        yield Reason("TSTOP 0: it counts as stalled immediately", _back(motor, "TSTOP"), stands=False)
 
 
-def _way(motor: str, at: At) -> list[Reason]:
+def _way(motor: str, at: At) -> Iterator[Reason]:
     opened, closed, near = at["OT", motor], at["CT", motor], at["MPE", motor]
     if opened >= closed:
-        return [Reason(f"OT {opened} is not below CT {closed}: O closes, C opens", _back(motor, "OT", "CT"))]
-    if closed - opened <= near:
+        yield Reason(f"OT {opened} is not below CT {closed}: O closes, C opens", _back(motor, "OT", "CT"))
+    elif closed - opened <= near:
         text = f"OT {opened} and CT {closed} are within MPE {near}, so it has nowhere to go"
-        return [Reason(text, _back(motor, "OT", "CT", "MPE"))]
-    return []
+        yield Reason(text, _back(motor, "OT", "CT", "MPE"))

@@ -100,14 +100,14 @@ DISPENSABLE = ("TEMP", "PTEMP", "OTEMP", "UPSECS", "SN")
 class MaintenanceLog:
     """What one hand and the journal say about its care, read once."""
 
-    def __init__(self, hand: BarrettHand, *, simulated: bool, name: str = "") -> None:
+    def __init__(self, hand: BarrettHand, name: str = "") -> None:
         self.at = hand.by_name("OD", *DISPENSABLE, dispensable=DISPENSABLE)
         self._hand = hand
         self._path = state_path(FILE)
         self._journal = state_files.load(self._path, WHAT, _whole)
         serial = self.at.get(("SN", None), 0)
         self.ambiguous = serial == 0 and not name
-        self._key = f"{'simulated-' if simulated else ''}{serial}{f'/{name}' if name else ''}"
+        self._key = f"{'simulated-' if hand.link.fake else ''}{serial}{f'/{name}' if name else ''}"
 
     @property
     def entries(self) -> dict[str, Any]:

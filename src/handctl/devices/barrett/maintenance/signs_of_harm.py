@@ -89,7 +89,7 @@ def _between_looks(
 ) -> tuple[list[Row], float]:
     before = _unharmed(hand)
     calm = damage(hand.journal.counters)
-    table, seconds = motion.timed(hand, prefix, name, argument, prompts, expect=ENDED)
+    table = motion.move(hand, prefix, name, argument, prompts, expect=ENDED)
     after = _unharmed(hand)
     text = f"{hand.link.name}: {motion.command_text(prefix, name, argument)}"
     if damage(hand.journal.counters) != calm:
@@ -99,7 +99,7 @@ def _between_looks(
         _judge_way(text, name, row, before, after)
     if table.failure is not None:
         raise table.failure
-    return table.rows, seconds
+    return table.rows, table.seconds
 
 
 def _unharmed(hand: BarrettHand) -> At:
@@ -121,7 +121,7 @@ def _judge_way(text: str, name: str, row: Row, before: At, after: At) -> None:
         raise SignOfHarm(f"{text}: {motor} reads {end}, where it cannot be", hint=hint, code="unread")
     if before["S", motor] & NOT_INITIALIZED or name == "HI" or row["arrival"] == REACHED:
         return
-    way = motion.CLOSING.get(name) or (0 if goal is None else goal - start)
+    way = motion.TORQUE.get(name) or (0 if goal is None else goal - start)
     gone = end - start if way < 0 else start - end
     if way and gone > WRONG_WAY:
         told = f"{text}: {motor} moved the wrong way, from {start} to {end}"

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from handctl.devices.barrett import motion
-from handctl.devices.barrett.device import BarrettHand
+from handctl.devices.barrett.device import BarrettHand, step_of
 from handctl.devices.barrett.maintenance import symptoms
 from handctl.devices.barrett.maintenance.health_limits import Finding
 from handctl.devices.barrett.parameter_map import FINGERS, NO_GAUGE
@@ -67,7 +67,7 @@ def no_load(readings: Mapping[str, Sequence[int]], *, check: str = "strain") -> 
 
 def preparation_steps() -> list[Step]:
     """The exact bytes of the preparatory movements."""
-    return [Step(meaning, f"{text}\r".encode("ascii"), moves=text != "4T") for text, meaning in PREPARATION]
+    return [step_of(text)._replace(meaning=meaning) for text, meaning in PREPARATION]
 
 
 def prepare(hand: BarrettHand, prompts: Prompts) -> None:

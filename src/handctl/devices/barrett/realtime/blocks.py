@@ -67,6 +67,10 @@ class Selection(NamedTuple):
     velocity_divisor: int = 1
     delta_divisor: int = 1
 
+    def scaled(self, name: str, value: int) -> int:
+        """A value of the feedback without its divisor: deltas in counts."""
+        return value * {"velocity": self.velocity_divisor, "delta": self.delta_divisor}.get(name, 1)
+
 
 @dataclass(frozen=True)
 class Layout:
@@ -260,24 +264,6 @@ class Decoder:
 
     def _shown(self) -> str:
         return bytes(self._buffer[:48]).hex(" ").upper()
-
-
-class DeltaPosition:
-    """The host's side of LFDP (barrett §6.2.3): adds up deltas, starting from what `FGET P` said.
-
-    `saturated` counts deltas of +127 or -128: the position lags then, or with LFDPD is wrong from there on.
-    """
-
-    def __init__(self, position: int, divisor: int) -> None:
-        self.position = position
-        self.saturated = 0
-        self._divisor = divisor
-
-    def add(self, delta: int) -> int:
-        """The position after this delta, in counts."""
-        self.position += delta * self._divisor
-        self.saturated += delta in (127, -128)
-        return self.position
 
 
 def cycles(control: int, feedback: int, baud: int) -> dict[str, float]:

@@ -60,10 +60,8 @@ class Known:
     def see(self, feedback: Feedback, positions: Mapping[int, int], sent: Values, layout: Layout) -> None:
         """Take a block: positions and deltas in counts, the temperature in °C."""
         for index, found in feedback.motors.items():
-            motor = layout.motors[index]
-            factors = {"velocity": motor.velocity_divisor, "delta": motor.delta_divisor}
             for name, value in found.items():
-                self.feedback[index, name] = value * factors.get(name, 1)
+                self.feedback[index, name] = layout.motors[index].scaled(name, value)
         self.feedback.update({(index, "position"): value for index, value in positions.items()})
         if feedback.temperature is not None:
             self.feedback[TEMPERATURE] = feedback.temperature / 10

@@ -14,6 +14,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import re
 import sys
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -36,7 +37,6 @@ COLUMNS = -1
 MOST_ROWS = 100_000
 """With times: they are all kept, and a pipe may have more without end. At 50 a second it is half an hour."""
 ONE_OBJECT = 'write one object a line, such as {"t": 0, "velocity.F1": 20}'
-WHOLE = "use a whole number, such as 20"
 ALIASES = {"F1": 0, "F2": 1, "F3": 2, "SPREAD": 3, "1": 0, "2": 1, "3": 2, "4": 3, "S": 3}
 
 
@@ -51,15 +51,13 @@ class Controls:
 
     def __init__(self, carries: Mapping[int, Sequence[str]], start: Change) -> None:
         self.carries = {index: tuple(names) for index, names in carries.items()}
-        self._state: Values = {index: dict.fromkeys(names, 0) for index, names in self.carries.items()}
+        self._state: Values = {
+            index: {name: start.get((index, name), 0) for name in names} for index, names in self.carries.items()
+        }
         for index, names in self.carries.items():
-            for name in names:
-                if (index, name) in start:
-                    self._state[index][name] = start[(index, name)]
-                elif name == "gain":
-                    raise UsageError(
-                        f"{MOTORS[index]} has no gain to start with", hint="give --gain G, or leave gain out of --send"
-                    )
+            if "gain" in names and (index, "gain") not in start:
+                hint = "give --gain G, or leave gain out of --send"
+                raise UsageError(f"{MOTORS[index]} has no gain to start with", hint=hint)
 
     @property
     def first(self) -> Values:
@@ -322,14 +320,10 @@ def _motor(text: str, motors: Sequence[int], where: str) -> int:
 
 
 def _whole(value: Any, name: str, where: str) -> int:
-    if isinstance(value, str):
-        text = value.strip()
-        digits = text.removeprefix("-").removeprefix("+")
-        if not (digits.isascii() and digits.isdecimal()):
-            raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint=WHOLE)
-        value = int(text) if len(digits) < 10 else 10**9
+    if isinstance(value, str) and re.fullmatch("[+-]?[0-9]+", text := value.strip()):
+        value = int(text) if len(text.lstrip("+-")) < 10 else 10**9
     if isinstance(value, bool) or not isinstance(value, int):
-        raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint=WHOLE)
+        raise UsageError(f"{where}: {name} {value!r} is not a whole number", hint="use a whole number, such as 20")
     try:
         return check_control(name, value)
     except UsageError as exc:

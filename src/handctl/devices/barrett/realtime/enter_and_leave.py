@@ -7,7 +7,8 @@ the motors.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 from handctl.devices.barrett.device import BarrettHand
@@ -130,23 +131,16 @@ class Session:
         self.hand.line.bound = None  # stopping has deadlines of its own
         moved = bool(self.last) or (self.asked and self.drives)
         stood = False
-        try:
+        switch_off = "switch the hand's power off if anything moves"
+        with self._blamed(switch_off if moved else "power-cycle the hand"):
             stood = self._go_out(moved)
-        except Exception as exc:  # noqa: BLE001 - one step that fails must not keep the next from stopping the motors
-            self._blame(exc, "switch the hand's power off if anything moves" if moved else "power-cycle the hand")
-        try:
+        with self._blamed(switch_off):
             if moved:
                 self._stand(hold=self.flag_request.hold and stood)
-        except Exception as exc:  # noqa: BLE001 - the same
-            self._blame(exc, "switch the hand's power off if anything moves")
-        if self.failure is not None:
-            self.undo = []
-        try:
-            if self.undo:
-                self.hand.write(self.undo)
-        except Exception as exc:  # noqa: BLE001 - the same
+        if self.failure is None and self.undo:
             flags = ", ".join(f"{element.full_name}={value}" for element, value in self.undo)
-            self._blame(exc, f"power-cycle the hand to restore the saved flags. Before, they were {flags}")
+            with self._blamed(f"power-cycle the hand to restore the saved flags. Before, they were {flags}"):
+                self.hand.write(self.undo)
         self.last, self.undo = {}, []
         self.thrown_out = self.asked = self.stood = False  # once is enough
 
@@ -254,12 +248,17 @@ class Session:
         if self.dead_man is not None:
             self.dead_man.update(shots, heartbeat if self.flag_request.watched else 0.0)
 
-    def _blame(self, exc: Exception, hint: str) -> None:
-        text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"
-        self.hand.journal.note("error", "leaving", text, hint)
-        kind: Any = type(exc) if isinstance(exc, HandctlError) else HandctlError
-        code = exc.code if isinstance(exc, HandctlError) else "internal"
-        self.failure = self.failure or kind(text, hint=hint, code=code)
+    @contextmanager
+    def _blamed(self, hint: str) -> Iterator[None]:
+        """A step of leaving: one that fails is told, and must not keep the next from stopping the motors."""
+        try:
+            yield
+        except Exception as exc:  # noqa: BLE001
+            text = f"while leaving the loop: {exc.text if isinstance(exc, HandctlError) else repr(exc)}"
+            self.hand.journal.note("error", "leaving", text, hint)
+            kind: Any = type(exc) if isinstance(exc, HandctlError) else HandctlError
+            code = exc.code if isinstance(exc, HandctlError) else "internal"
+            self.failure = self.failure or kind(text, hint=hint, code=code)
 
 
 def steps_of(hand: BarrettHand, flag_request: FlagRequest, controls: Controls | None, baud: int | None) -> list[Step]:

@@ -12,10 +12,8 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.parameter_map import BARRETT, gcl_name
 from handctl.devices.barrett.realtime.blocks import Values
 from handctl.devices.barrett.status_and_parameter_views import row_of
-from handctl.errors import NotPresent
 from handctl.model.result import Row
 
 SPREAD = 3
@@ -78,24 +76,19 @@ def clutches(hand: BarrettHand, motors: Sequence[int]) -> Angles:
     fingers = [index for index in motors if index != SPREAD]
     if not fingers:
         return Angles()
-    gone: dict[int, dict[str, int]] = {index: {} for index in fingers}
-    for reading in hand.read(BARRETT.elements("BD", "BP", motors=fingers)):
-        if isinstance(reading.error, NotPresent):
-            hand.journal.info(
-                "breakaway-unknown",
-                "this firmware does not report whether a clutch has let go, so joint_outer is empty. joint_inner is correct as long as the clutch holds (barrett §9.5)",
-            )
-            return Angles()
-        gone[reading.element.index][gcl_name(reading.element)] = int(reading.required)
-    broken = {index: at["BP"] for index, at in gone.items() if at["BD"]}
-    told = ", ".join(f"{MOTORS[index]} at {place}" for index, place in broken.items())
+    at = hand.by_name("BD", "BP", motors=fingers, dispensable=("BD", "BP"))
+    if len(at) < 2 * len(fingers):
+        hand.journal.info(
+            "breakaway-unknown",
+            "this firmware does not report whether a clutch has let go, so joint_outer is empty. joint_inner is correct as long as the clutch holds (barrett §9.5)",
+        )
+        return Angles()
+    broken = {index: at["BP", MOTORS[index]] for index in fingers if at["BD", MOTORS[index]]}
+    gone = ", ".join(f"{MOTORS[index]} at {place}" for index, place in broken.items())
+    told = f"clutch let go: {gone}. The joint_outer of such a finger is empty until the finger has been opened. "
     hand.journal.info(
         "breakaway",
-        (
-            f"clutch let go: {told}. The joint_outer of such a finger is empty until the finger has been opened. "
-            if broken
-            else ""
-        )
+        (told if broken else "")
         + "joint_outer is also empty once a finger has been driven to close: the loop does not show whether its clutch has let go (barrett §9.5)",
     )
     return Angles(broken, [index for index in fingers if index not in broken])

@@ -310,9 +310,7 @@ class RealtimeLoop:
         """
         decoder, line = self.session.decoder, self.hand.line
         while decoder.received:
-            answer = self._next_answer()
-            if isinstance(answer, LoopError):
-                raise self._refused(answer)
+            self._next_answer()
             if not (chunk := line.link.read(line.link.deadline(self.session.patience))):
                 raise self._silence()
             decoder.feed(chunk)
@@ -397,10 +395,7 @@ class RealtimeLoop:
         decoder, line = self.session.decoder, self.hand.line
         deadline = line.link.deadline(max(0.0, sent[0].at + self.session.patience - line.link.now()))
         while True:
-            answer = self._next_answer()
-            if isinstance(answer, LoopError):
-                raise self._refused(answer)
-            if answer is not None:
+            if (answer := self._next_answer()) is not None:
                 self.hand.journal.counters.received += 1
                 return answer if isinstance(answer, Feedback) else Feedback({}, None)
             had = decoder.acknowledged
@@ -411,14 +406,18 @@ class RealtimeLoop:
             if decoder.acknowledged and not had and len(sent) == 1 and not decoder.complete:
                 return None
 
-    def _next_answer(self) -> Feedback | LoopError | bool | None:
+    def _next_answer(self) -> Feedback | bool | None:
+        """Raises DeviceRefused where the hand has left its loop."""
         try:
-            return self.session.decoder.next()
+            answer = self.session.decoder.next()
         except ProtocolError as exc:
             self._look_for_restart()
             self.hand.journal.counters.bad_frames += 1
             hint = exc.hint or DISTURBED
             raise ProtocolError(f"{self.hand.link.name}: {exc.text}", hint=hint, code=exc.code) from exc
+        if isinstance(answer, LoopError):
+            raise self._refused(answer)
+        return answer
 
     def _look_for_restart(self) -> None:
         """Raise Restarted at the boot monitor's ':' in place of '*', or at a banner: the motors have no power then."""

@@ -14,9 +14,9 @@ from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, implausible
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK,
     UNITS,
-    DeltaPosition,
     Feedback,
     Layout,
+    Selection,
     Values,
     cycles,
     velocity_unit,
@@ -66,18 +66,10 @@ class Positions:
     """Motor positions from the feedback: absolute, or summed up from `FGET P` (barrett §6.2.3)."""
 
     def __init__(self, layout: Layout, start: Mapping[int, int], *, discards: bool) -> None:
-        self._deltas = {
-            index: DeltaPosition(start[index], motor.delta_divisor)
-            for index, motor in layout.motors.items()
-            if "delta" in motor.feedback
-        }
-        self._discards = discards
+        self._layout, self._places, self._discards = layout, dict(start), discards
         self._lost: set[int] = set()
-
-    @property
-    def saturated(self) -> int:
-        """Deltas that a byte could not hold."""
-        return sum(delta.saturated for delta in self._deltas.values())
+        self.saturated = 0
+        """Deltas that a byte could not hold: the position lags then, or with LFDPD is wrong from there on."""
 
     def update(self, feedback: Feedback) -> tuple[dict[int, int], dict[int, str]]:
         """Positions after this block, and which of them cannot be believed, with the reason."""
@@ -85,8 +77,10 @@ class Positions:
         doubts: dict[int, str] = {}
         for index, found in feedback.motors.items():
             if "delta" in found:
-                places[index] = self._deltas[index].add(found["delta"])
+                self._places[index] += self._layout.motors[index].scaled("delta", found["delta"])
+                places[index] = self._places[index]
                 if found["delta"] in (127, -128):
+                    self.saturated += 1
                     doubts[index] = "saturated: the change did not fit into a byte, so the position lags"
                     if self._discards:
                         self._lost.add(index)
@@ -162,10 +156,14 @@ class Intake:
         layout = self.prepared.layout
         motors = {index: dict.fromkeys(motor.feedback, 0) for index, motor in layout.motors.items()}
         blank = Taken(Feedback(motors, 0), values, {}, dict.fromkeys(motors, 0), {}, 0.0)
-        rows = list(rows_of(blank, layout, self.prepared.shown, self.prepared.temperature, ""))
+        return Sample(0.0, self._rows(blank))
+
+    def _rows(self, taken: Taken, doubt: str = "") -> tuple[Row, ...]:
+        rows = list(rows_of(taken, self.prepared, doubt))
         if self.angles is not None:
-            rows += self.angles.rows(blank.positions, {})
-        return Sample(0.0, tuple(rows))
+            doubts = {index: doubt or _doubt(taken, index) for index in taken.positions}
+            rows += self.angles.rows(taken.positions, doubts)
+        return tuple(rows)
 
     def _tell(self, events: list[Event]) -> None:
         """What the guards did since the last time."""
@@ -187,11 +185,10 @@ class Intake:
         """The rows of a block; `doubt` speaks against all of them."""
         self.moment = Moment(taken.sent, taken.at)
         self.samples += 1
-        layout = self.prepared.layout
         if self._measuring:
             for index, found in taken.feedback.motors.items():
                 if "velocity" in found and "position" in found:
-                    velocity = found["velocity"] * layout.motors[index].velocity_divisor
+                    velocity = self.prepared.layout.motors[index].scaled("velocity", found["velocity"])
                     self.velocity_points[index].append((taken.at, found["position"], velocity))
         if any(taken.saturated.values()):
             self._hand.journal.warn(
@@ -199,12 +196,8 @@ class Intake:
                 "a delta did not fit into its byte, so the position that is summed from deltas lags (its rows say so)",
                 hint="use more counts in --delta-unit, position in --receive, or a higher --rate (barrett §6.2.3)",
             )
-        rows = list(rows_of(taken, layout, self.prepared.shown, self.prepared.temperature, doubt))
-        if self.angles is not None:
-            places = taken.positions
-            rows += self.angles.rows(places, {index: doubt or _doubt(taken, index) for index in places})
         t = taken.at - self.start
-        return Sample(t, tuple(rows), None if self.started is None else self.started + t)
+        return Sample(t, self._rows(taken, doubt), None if self.started is None else self.started + t)
 
     def summary(self, *, drives: bool, overlapped: bool) -> dict[str, Any]:
         """Rate, latencies, floors and what the guards did."""
@@ -246,21 +239,18 @@ class Intake:
         }
 
 
-def rows_of(
-    taken: Taken, layout: Layout, shown: Mapping[int, tuple[str, ...]], temperature: bool, doubt: str
-) -> Iterator[Row]:
-    """Rows of one moment: for each motor the values sent and received, of the feedback only those `shown`.
+def rows_of(taken: Taken, prepared: Prepared, doubt: str) -> Iterator[Row]:
+    """Rows of one moment: for each motor the values sent and received, of the feedback only those that are shown.
 
     `doubt` is what speaks against the whole block, "" when nothing does.
     """
-    for index in layout.motors:
-        yield from _motor_rows(taken, layout, index, shown[index], doubt)
-    if temperature and taken.feedback.temperature is not None:
+    for index, motor in prepared.layout.motors.items():
+        yield from _motor_rows(taken, motor, index, prepared.shown[index], doubt)
+    if prepared.temperature and taken.feedback.temperature is not None:
         yield _row("temperature", "LFT", None, taken.feedback.temperature / 10, "°C", doubt)
 
 
-def _motor_rows(taken: Taken, layout: Layout, index: int, shown: tuple[str, ...], doubt: str) -> Iterator[Row]:
-    motor = layout.motors[index]
+def _motor_rows(taken: Taken, motor: Selection, index: int, shown: tuple[str, ...], doubt: str) -> Iterator[Row]:
     name = MOTORS[index]
     for control, value in taken.values.get(index, {}).items():
         if control == "velocity":
@@ -274,11 +264,10 @@ def _motor_rows(taken: Taken, layout: Layout, index: int, shown: tuple[str, ...]
     for key, value in found.items():
         if key not in shown:
             continue
-        scaled = value * {"velocity": motor.velocity_divisor, "delta": motor.delta_divisor}.get(key, 1)
         why = doubt or (saturated if key == "delta" and value in (127, -128) else "")
         if key == "position" and implausible(index, value):
             why = why or "beyond the joint's travel"
-        row = _row(key, FEEDBACK[key], name, scaled, UNITS.get(key), why)
+        row = _row(key, FEEDBACK[key], name, motor.scaled(key, value), UNITS.get(key), why)
         yield {**row, "label": "no gauge"} if key == "strain" and value == NO_GAUGE else row
     if "delta" in found and "delta" in shown and "position" not in found:
         why = doubt or _doubt(taken, index)
