@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from handctl.command.config import Config, Statement, parse, read_config, statements
 from handctl.errors import OutputError, UsageError
 from handctl.files import as_text, atomic_write, writing
-from handctl.system import clock, file_locks, serial_ports
+from handctl.system import clock, file_locks
 
 WAIT_SECONDS = 5.0
 """For another handctl that is editing the same file."""
@@ -187,5 +187,7 @@ def stable_name(port: str) -> str:
     for link in links:
         if os.path.realpath(link) == real:
             return link
+    from handctl.system import serial_ports
+
     usb = serial_ports.usb_name(serial_ports.usb_folder(os.path.join(TTY, name, "device")))
     return f"usb:{usb}" if usb else ""

@@ -12,7 +12,6 @@ from handctl.command.run import PlannedAction, Run
 from handctl.devices.barrett.status_and_parameter_views import CHECKED, LABEL, MOTOR, NAME
 from handctl.errors import CheckFailed, UsageError
 from handctl.files import read
-from handctl.model.check_rows import TONES
 from handctl.model.param import Step
 from handctl.model.result import Cell, Column, Grid, Row, Table
 from handctl.wording import plural
@@ -137,6 +136,8 @@ def _facts(firmware: Firmware) -> dict[str, Any]:
 
 
 def _table(firmware: Firmware) -> Table:
+    from handctl.model.check_rows import TONES
+
     rows: list[Row] = [
         {**one._asdict(), "status": "warning" if one.status == "force" else one.status} for one in firmware.findings
     ]
