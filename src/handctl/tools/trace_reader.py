@@ -255,7 +255,7 @@ class TranscriptRow:
                     own += f', "{key}": {value if type(value) is int else _own_text(value)}'
             values = shown.values
             listed = ", ".join(
-                starmap(_number_text, values) if isinstance(values, tuple) else values.texts(_value_text)
+                values.texts(_value_text) if hasattr(values, "texts") else starmap(_number_text, values)
             )
             if listed:
                 own += f', "values": [{listed}]'
