@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from functools import cache
 from typing import Any
 
-from handctl.system import clock
 from tests.support.swap import swapped
 
 REFUSED = {
@@ -83,7 +82,6 @@ def in_process() -> Iterator[None]:
     try:
         with swapped(
             (time, "sleep", _no_sleep),
-            (clock, "sleep", _no_sleep),
             (os, "openpty", _no_terminal),
             (os, "fsync", _no_disk),
         ):

@@ -5,24 +5,22 @@ from __future__ import annotations
 import sys
 import time
 
-SLICE = 0.02
-"""Seconds between two looks, where a wait in the system cannot be ended by a wish to end (Windows)."""
+SLICE = 0.02 if sys.platform == "win32" else 0.1
+"""Seconds that the system waits at most without a look for a wish to end. None ends its wait on Windows; elsewhere one that comes
+just before the wait begins does not."""
 
 wall = time.time
 """The time of day: seconds since 1970, UTC."""
 
-if sys.platform == "win32":
-    now = time.perf_counter
-    """Seconds on a monotonic clock; `time.monotonic` ticks at 15.6 ms here, before Python 3.13."""
+now = time.perf_counter if sys.platform == "win32" else time.monotonic
+"""Seconds on a monotonic clock; `time.monotonic` ticks at 15.6 ms on Windows, before Python 3.13."""
 
-    def sleep(seconds: float) -> None:
-        """Sleep in slices, so that interrupts are handled between them."""
-        end = now() + seconds
-        while (left := end - now()) > 0:
-            time.sleep(min(left, SLICE))
 
-else:
-    now = time.monotonic
-    """Seconds on a monotonic clock."""
-    sleep = time.sleep
+def sleep(seconds: float) -> None:
     """Let time pass; a signal's handler runs meanwhile."""
+    end = now() + seconds
+    while seconds > SLICE:
+        time.sleep(SLICE)
+        seconds = end - now()
+    if seconds > 0:
+        time.sleep(seconds)

@@ -1,7 +1,7 @@
 """Signals: requests to end the program, alarms, and code that must run in the main thread at once.
 
 On Windows there is no alarm and no signal between processes: what a thread hears reaches the main thread between two of
-its steps, and every wait is cut into slices (`clock.SLICE`) for it.
+its steps. Every wait is cut into slices (`clock.SLICE`) for it, and elsewhere for the signal that comes just before a wait.
 """
 
 from __future__ import annotations

@@ -5,30 +5,42 @@ from __future__ import annotations
 import os
 import select
 import sys
+from collections.abc import Callable
+from math import inf
 from typing import Any
+
+
+def _sliced(wait: Callable[[float], object], seconds: float) -> bool:
+    """Whether `wait` finds something within so many seconds. In slices: see `clock.SLICE`."""
+    from handctl.system.clock import SLICE, now
+
+    end = now() + seconds
+    while not (found := wait(min(seconds, SLICE))) and seconds > SLICE:
+        seconds = max(0.0, end - now())
+    return bool(found)
+
+
+def readable(what: Any, seconds: float) -> bool:
+    """Whether a descriptor or a socket has something, or is closed. On Windows only a socket."""
+    return _sliced(lambda left: select.select([what], [], [], left)[0], seconds)
+
+
+def writable(what: Any, seconds: float) -> bool:
+    """The same for room to write."""
+    return _sliced(lambda left: select.select([], [what], [], left)[1], seconds)
+
+
+def _polled(descriptor: int, event: str, seconds: float | None) -> bool:
+    """The same for a pipe or a terminal, as far as the system tells; None = for ever."""
+    if sys.platform == "win32":
+        return True
+    poll = select.poll()
+    poll.register(descriptor, getattr(select, event))
+    return _sliced(lambda left: poll.poll(left * 1000), inf if seconds is None else seconds)
+
 
 if sys.platform == "win32":
     import contextlib
-
-    from handctl.system.clock import SLICE, now
-
-    def _ready(reads: list[Any], writes: list[Any], fails: list[Any], seconds: float) -> bool:
-        """Whether one is ready. Waits in slices, so that interrupts are handled between them."""
-        end = now() + seconds
-        while True:
-            left = max(0.0, end - now())
-            if any(select.select(reads, writes, fails, min(left, SLICE))):
-                return True
-            if not left:
-                return False
-
-    def readable(what: Any, seconds: float) -> bool:
-        """Whether a socket has something, or is closed."""
-        return _ready([what], [], [], seconds)
-
-    def writable(what: Any, seconds: float) -> bool:
-        """The same for room to write."""
-        return _ready([], [what], [], seconds)
 
     def connect(what: Any, address: Any, seconds: float) -> None:
         """Connect a socket, which does not block then. Raises OSError, TimeoutError where nothing answers."""
@@ -38,25 +50,13 @@ if sys.platform == "win32":
         what.setblocking(False)
         with contextlib.suppress(BlockingIOError):
             what.connect(address)
-        if not _ready([], [what], [what], seconds):  # one that was refused is not writable there
+        # One that was refused is not writable there.
+        if not _sliced(lambda left: any(select.select([], [what], [what], left)), seconds):
             raise TimeoutError
         if code := what.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR):
             raise ctypes.WinError(code)
 
 else:
-
-    def _polled(descriptor: int, event: int, seconds: float | None) -> bool:
-        poll = select.poll()
-        poll.register(descriptor, event)
-        return bool(poll.poll(None if seconds is None else seconds * 1000))
-
-    def readable(what: Any, seconds: float) -> bool:
-        """Whether a descriptor or a socket has something, or is closed."""
-        return bool(select.select([what], [], [], seconds)[0])
-
-    def writable(what: Any, seconds: float) -> bool:
-        """The same for room to write."""
-        return bool(select.select([], [what], [], seconds)[1])
 
     def connect(what: Any, address: Any, seconds: float) -> None:
         """Connect a socket, which does not block then. Raises OSError, TimeoutError where nothing answers."""
@@ -80,9 +80,9 @@ CHANGES_LINE_ENDS = sys.platform == "win32"
 
 def takes(descriptor: int, seconds: float | None) -> bool:
     """Wait until a pipe or a terminal accepts data, or its reader is gone; None = for ever. True if that is not known."""
-    return sys.platform == "win32" or _polled(descriptor, select.POLLOUT, seconds)
+    return _polled(descriptor, "POLLOUT", seconds)
 
 
 def gives(descriptor: int, seconds: float | None) -> bool:
     """Wait just as long for data or the end of input; a pipe that has no writer yet has not ended."""
-    return sys.platform == "win32" or _polled(descriptor, select.POLLIN, seconds)
+    return _polled(descriptor, "POLLIN", seconds)

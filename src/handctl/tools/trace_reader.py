@@ -254,9 +254,7 @@ class TranscriptRow:
                 if value is not None and key not in OWN:
                     own += f', "{key}": {value if type(value) is int else _own_text(value)}'
             values = shown.values
-            listed = ", ".join(
-                values.texts(_value_text) if hasattr(values, "texts") else starmap(_number_text, values)
-            )
+            listed = ", ".join(values.texts(_value_text) if hasattr(values, "texts") else starmap(_number_text, values))
             if listed:
                 own += f', "values": [{listed}]'
         head = (
