@@ -60,6 +60,8 @@ def test_pairs_keep_the_others_where_they_are() -> None:
     assert values[8:] == OPEN[8:]
     with pytest.raises(UsageError):
         goal.complete(None)
+    with pytest.raises(KeyError):  # never a 0 in the place of what was not measured
+        goal.complete([])
 
 
 def test_names_are_not_case_sensitive() -> None:

@@ -89,7 +89,7 @@ class Goal:
             raise UsageError(
                 "the elements that you did not give keep their position, which is unknown", hint="give all values"
             )
-        kept = measured or [0.0] * param.count  # all are named then
+        kept = dict(enumerate(measured or ()))
         return [
             self.named[index] if index in self.named else _kept(param, index, float(kept[index]))
             for index in range(param.count)
