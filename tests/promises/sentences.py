@@ -37,7 +37,7 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
-    "With `--until`, which takes the same forms": ("kernel/test_limits.py", "test_until_ends_a_stream"),
+    "If a value goes past it, `watch` and `log` end at once": ("kernel/test_limits.py", "test_until_ends_a_stream"),
     "Exit code 7 means that something was found or could not be read": (
         "tools/test_service.py",
         "test_a_step_that_fails_is_a_row_with_its_code",

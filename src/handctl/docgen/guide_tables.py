@@ -36,7 +36,7 @@ VERBS = (
     Verb("describe", "describe [NAME...]", "Lists the address, type, unit, range and access of each quantity. It needs no device."),
     Verb("watch", "watch [NAME...]", "Shows a live view on a terminal, and a stream elsewhere. `--count` and `--duration` limit it."),
     Verb("log", "log FILE", "Records samples with the time of this computer, and marks every gap."),
-    Verb("scan", "scan", "Runs `handctl scan` for this family only. It tries each id (1 to 254) and baud rate that the family can have, within a time limit if the line is silent. `--all` has no time limit."),
+    Verb("scan", "scan", "Runs `handctl scan` for this family only. It tries each id (1 to 254) and baud rate that the family can have. On a line where nothing replies, it ends after a time limit, unless you add `--all`."),
     Verb("doctor", "doctor", "Runs `handctl doctor` for this family: checks this computer, the link, and the device."),
     Verb("snapshot", "snapshot FILE", "Saves the settings to a file, and for `exo` and `wrist` the set points too."),
     Verb("diff", "diff A [B]", "Compares two snapshots, a snapshot and the device, or two devices. The exit code is 7 if they differ."),

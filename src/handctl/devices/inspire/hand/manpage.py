@@ -7,7 +7,7 @@ EXCEPTIONS = (
     (
         "other-family",
         "a hand on a `wrist` module",
-        "Both devices reply. `handctl hand` then reads the hand, and does not show the message `this is a wrist module`.",
+        "Commands of `handctl hand` work, because the hand replies as well as the module. On any other link to a wrist module, they end with the message `this is a wrist module`.",
     ),
 )
 EXAMPLES = (
