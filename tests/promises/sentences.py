@@ -68,7 +68,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "test_a_stop_says_that_the_calibration_goes_on",
     ),
     "nothing is written (exit code 6)": ("stop/test_whose.py", "test_"),
-    "no stop is sent (exit code 2): type the family": (
+    "If it detects none on a CAN bus, no stop is sent (exit code 2)": (
         "stop/test_whose.py",
         "test_where_nobody_answers_the_next_step_is_said",
     ),

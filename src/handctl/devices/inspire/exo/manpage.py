@@ -4,7 +4,11 @@ from handctl.devices.inspire.common_cli import settings_examples
 
 FILES = (("exo-before-reset.json", "The snapshot that `factory-reset` writes first. `--backup` names another file."),)
 EXCEPTIONS = (
-    ("leave-alone", "`force`", "Elsewhere, -1 leaves a finger as it is. Here, -1 is a force like any other."),
+    (
+        "leave-alone",
+        "`force`",
+        "In the other commands that take a value for each finger, such as `position`, -1 leaves a finger as it is. In `force`, -1 is a force like any other.",
+    ),
 )
 EXAMPLES = (
     ("handctl exo get position_actual temperature --fake", "Show positions and temperatures of all fingers."),

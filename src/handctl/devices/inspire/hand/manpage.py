@@ -7,7 +7,7 @@ EXCEPTIONS = (
     (
         "other-family",
         "a hand on a `wrist` module",
-        "Commands of `handctl hand` work, because the hand replies as well as the module. On any other link to a wrist module, they end with the message `this is a wrist module`.",
+        "If a hand is attached to a wrist module, both reply on the same line, and the commands of `handctl hand` work. If only a wrist module replies, they end with the message `this is a wrist module`.",
     ),
 )
 EXAMPLES = (
