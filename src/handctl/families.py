@@ -64,6 +64,7 @@ class FamilyRow:
     facts     fact of its `proofs` -> the setting that it stands for, and what each value of the fact makes of that ("" = nothing);
               of words alone each is the value of the setting, too
     silent    its device may reply to nothing while it moves, or to its stop alone: no question finds it then
+    unbroken  its command that no stop may interrupt, nor reach, as what is sent then does harm; "" = none
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 
@@ -77,6 +78,7 @@ class FamilyRow:
     options: tuple[OwnOption, ...] = ()
     facts: dict[str, tuple[str, dict[str, str] | tuple[str, ...]]] = field(default_factory=dict)
     silent: bool = False
+    unbroken: str = ""
     trigger: tuple[int, bytes] | None = None
 
     def module(self, role: str) -> str:
@@ -118,6 +120,7 @@ FAMILIES: dict[str, FamilyRow] = {
         scan=4,
         tell=4,
         silent=True,  # only ^C ends a movement early (§5.5)
+        unbroken="firmware download",  # half a firmware is none, and the boot monitor would take a stop for firmware
         facts=dict.fromkeys(
             ("position-sign", "position-at-stop"), ("position_sign", ("signed", "unsigned", "clamped"))
         ),

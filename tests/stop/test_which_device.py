@@ -17,7 +17,9 @@ from handctl.command import connection, several_devices
 from handctl.command.config import read_config
 from handctl.command.family import load
 from handctl.command.invocation import Invocation
+from handctl.devices.barrett import state_files
 from handctl.errors import STOPPED, UsageError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline, Link, open_link, port_users
 from handctl.link.device_lock import MOST_MOVING, Lock, Reached, hold, remembered
 from handctl.link.port_users import handctl_commands, option_in
@@ -451,6 +453,44 @@ def test_a_holder_that_must_not_be_stopped_is_left_alone(bench: Bench, monkeypat
     held(monkeypatch, "barrett", refused=True, text="firmware")
     result = run("exo", "stop", "--id", "1", "-p", PORT, "--json")
     assert (result.code, result.error["code"], result.rows) == (6, "not-now", []), result
+
+
+def test_a_download_that_does_not_hear_is_not_ended(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Suspended, or on a machine that is busy: without its process the hand has half a firmware. Who asks again means it."""
+    state_files._keep_download(PORT, {"told": False})
+    ended: list[Any] = []
+    monkeypatch.setattr(stop_listener, "ask", lambda *_: (False, None))
+    monkeypatch.setattr(stop_command.clock, "sleep", lambda _seconds: None)
+    monkeypatch.setattr(stop_command, "HEARD_SECONDS", 0.0)
+    monkeypatch.setattr(stop_command, "_end", lambda _run, who: (ended.append(who), lock.release()))
+    lock = cast(Lock, hold(PORT, "handctl batch", family="barrett"))
+    bench.there = "exo?"
+    for words in (("exo", "stop"), ("stop",)):
+        state_files._keep_download(PORT, {"told": False})
+        result = run(*words, "-p", PORT, "--json")
+        assert (result.code, result.error["code"], result.rows, ended) == (6, "not-now", [], []), result
+    assert run("exo", "stop", "-p", PORT, "--json").code == 0 and len(ended) == 1
+
+
+@each_row(
+    "words",
+    [
+        ["-p", PORT, "barrett", "--id", "1", "firmware", "--yes", "download", "new.s19"],
+        ["barrett", "firmware", "download", "new.s19", "-p", PORT],
+    ],
+)
+def test_no_stop_reaches_a_download_of_another_user(
+    words: list[str], bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No lock of ours tells of it, and each byte would be taken for firmware: that of any family, and each question."""
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter([(77, words)]))
+    for stop in (("stop",), *((family, "stop") for family in FAMILIES if family != "aidin")):
+        result = run(*stop, "-p", PORT, "--json")
+        assert (result.code, result.error["code"], result.rows, bench.asked) == (6, "not-now", [], []), (stop, result)
+        assert "pid 77" in result.error["text"], result
+    monkeypatch.setattr(port_users, "handctl_commands", lambda *_: iter([(77, ["barrett", "firmware", "check"])]))
+    bench.there = "barrett?"
+    assert run("stop", "-p", PORT, "--json").code == 0
 
 
 @each_row(

@@ -38,7 +38,7 @@ VERBS = (
     Verb("log", "log FILE", "Records samples with the time of this computer, and marks every gap."),
     Verb("scan", "scan", "Runs `handctl scan` for this family only. It tries each id (1 to 254) and baud rate that the family can have. On a line where nothing replies, it ends after a time limit, unless you add `--all`."),
     Verb("doctor", "doctor", "Runs `handctl doctor` for this family: checks this computer, the link, and the device."),
-    Verb("snapshot", "snapshot FILE", "Saves the settings to a file, and for `exo` and `wrist` the set points too."),
+    Verb("snapshot", "snapshot FILE", "Saves the settings to a file. For `exo`, it also saves the set points; for `wrist`, which has no settings, only the set points."),
     Verb("diff", "diff A [B]", "Compares two snapshots, a snapshot and the device, or two devices. The exit code is 7 if they differ."),
     Verb("restore", "restore FILE", "Writes the settings that differ from a snapshot, and reads them back."),
     Verb("report", "report FILE", "Writes one page for a service ticket."),
@@ -162,8 +162,8 @@ MAKERS: dict[str, Callable[[Node], Iterable[str]]] = {
     ),
     "usual": lambda _tree: _markdown(("command", "what it does"), ((f"`{row.typed}`", row.does) for row in VERBS)),
     "exceptions": lambda _tree: _markdown(
-        ("device", "concerns", "what is different"),
-        ((f"`{row.family}`", row.where, row.why) for row in exceptions()),
+        ("device and what it concerns", "what is different"),
+        ((f"`{row.family}`: {row.where}", row.why) for row in exceptions()),
     ),
 }
 

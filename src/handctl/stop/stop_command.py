@@ -16,8 +16,19 @@ from handctl import errors
 from handctl.command.family import load, on_can, wire_in
 from handctl.command.options import COMMAND_LINE, NAMED, Source, lacking
 from handctl.errors import OTHER_DEVICE, DeviceRefused, HandctlError, Hint, LinkError, UsageError
+from handctl.families import FAMILIES
 from handctl.link import ByteLink, Deadline, Link
-from handctl.link.device_lock import LAST_STOP_SECONDS, LIBRARY, Holder, InUse, Lock, Reached, remembered
+from handctl.link.device_lock import (
+    LAST_STOP_SECONDS,
+    LIBRARY,
+    OURS,
+    Holder,
+    InUse,
+    Lock,
+    Reached,
+    canonical,
+    remembered,
+)
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table
@@ -243,8 +254,7 @@ def _turned_to(run: Run, link: Link, one: Reached) -> Iterator[bool]:
         run.settings, _ = _settings_for(one, run.settings._replace(kind=None), run.sources)
         if family is not before[0]:
             ledger.words = None
-        held = family.holds_back is not None and family.holds_back(run.link_name())
-        usable = not held and _trouble(run, run.settings) is None
+        usable = not _held_back(family.kind, run.link_name()) and _trouble(run, run.settings) is None
         yield usable and _at_speed(link, run.settings.baud or family.baud)
     finally:
         run.family, run.settings = before
@@ -399,11 +409,48 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
         and (lock := _let_go(run, name, bound, LAST_STOP_SECONDS)) is not None
     ):
         return lock, None, True
+    # What cannot hear may still be followed by its device, as a download that was suspended: it is ended only for who asks again.
+    for family in dict.fromkeys((run.family.kind, who.family if who is not None else "")):
+        if family in FAMILIES and (why := _held_back(family, name)):
+            return None, report(Stopped(why), (), refused=True), False
     _end(run, who)
     with contextlib.suppress(LinkError):
         # Its last stop goes out first: two on one port take each other's answers, and collide on two wires.
         return lock_for(run, name, _left(bound, LAST_STOP_SECONDS) if who is not None else 0.0), None, True
     return None, None, True
+
+
+def _held_back(family: str, name: str) -> str:
+    """Why a stop would do harm at this LINK, as far as this user has noted; "" where it may be sent."""
+    holds_back = load(family, "cli").cli.family.holds_back
+    return holds_back(name) if holds_back is not None else ""
+
+
+def _unbroken(link: str) -> str:
+    """Why a stop would do harm at this LINK: another user is running a command there that must not be interrupted; "" without any."""
+    from handctl.link.port_users import handctl_commands
+
+    if link.startswith(OURS):
+        return ""
+    for pid, words in handctl_commands(at_place(link)):
+        for family, row in FAMILIES.items():
+            typed = iter(words)
+            if row.unbroken and all(word in typed for word in (family, *row.unbroken.split())):
+                return f"another handctl (pid {pid}) is running `{family} {row.unbroken}` here, which a stop would break off, and nothing moves meanwhile"
+    return ""
+
+
+def at_place(link: str) -> Callable[[str], bool]:
+    """Whether a LINK leads where this one does."""
+    place = canonical(link, None)
+
+    def is_there(other: str) -> bool:
+        try:
+            return canonical(other, None) == place
+        except (HandctlError, ValueError, OSError):
+            return False  # whatever somebody has typed
+
+    return is_there
 
 
 def _let_go(run: Run, name: str, bound: Deadline | None, seconds: float) -> Lock | None:
@@ -480,7 +527,9 @@ def _from_here(
 ) -> dict[str, Any]:
     """Open the link and send. With `patient` a link that is not free yet is tried again for a second."""
     assert run.family is not None
-    if run.family.holds_back is not None and (why := run.family.holds_back(run.link_name())):
+    if why := _held_back(run.family.kind, run.link_name()) or _unbroken(run.settings.port or ""):
+        if lock is not None:
+            lock.release()
         return report(Stopped(why), (), refused=True)
     if run.session is None and run.link is None:
         run.connection.device_access = DeviceAccess(run, lock)

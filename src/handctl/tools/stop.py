@@ -22,7 +22,7 @@ from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import open_link
 from handctl.link.device_lock import OURS, Reached, canonical, hold, remembered
 from handctl.model.result import Journal, Row, Table
-from handctl.stop.stop_command import each_stopped, is_said, stopped_as, tell_gone, unheard
+from handctl.stop.stop_command import at_place, each_stopped, is_said, stopped_as, tell_gone, unheard
 from handctl.system.user_folders import config_path
 from handctl.tools.family_probe import family_of, has_speed, probe_of, set_speed, usual_ports, wire_of
 
@@ -204,14 +204,7 @@ def _used_by_others(run: Run, unknown: list[int]) -> Iterator[Reached]:
     link = run.settings.port or ""
     if link.startswith(OURS):
         return
-    place = _canonical(link, "")
-
-    def is_there(other: str) -> bool:
-        try:
-            return _canonical(other, "") == place
-        except (HandctlError, ValueError, OSError):
-            return False  # whatever somebody has typed
-
+    is_there = at_place(link)
     for pid, words in handctl_commands(is_there):
         pairs = pairwise(["", *words])
         family = next((word for before, word in pairs if word in FAMILIES and before not in ("-d", "--device")), "")

@@ -16,6 +16,33 @@ AGAIN = "return asked_again and access is not None and "
 
 ROWS = (
     mistake(
+        "stop-ends-a-download-that-does-not-hear",
+        "a download of firmware is killed because it was slow to hear of the stop, and the hand has half of it",
+        "handctl.stop.stop_command",
+        "_ask_holder",
+        "if family in FAMILIES and (why := _held_back(family, name)):",
+        "if family not in FAMILIES and (why := _held_back(family, name)):",
+        WHICH + "test_a_download_that_does_not_hear_is_not_ended",
+    ),
+    mistake(
+        "stop-sent-into-a-download-of-another-user",
+        "the bytes of the stop are taken for firmware",
+        "handctl.stop.stop_command",
+        "_from_here",
+        'if why := _held_back(run.family.kind, run.link_name()) or _unbroken(run.settings.port or ""):',
+        "if why := _held_back(run.family.kind, run.link_name()):",
+        WHICH + "test_no_stop_reaches_a_download_of_another_user",
+    ),
+    mistake(
+        "stop-that-sends-nothing-keeps-the-lock",
+        "the next command of a batch finds the device in use by its own stop",
+        "handctl.stop.stop_command",
+        "_from_here",
+        "if lock is not None:",
+        "if lock is None:",
+        WHICH + "test_no_stop_reaches_a_download_of_another_user",
+    ),
+    mistake(
         "stop-takes-what-the-holder-had-for-the-device-that-was-typed",
         OTHER,
         "handctl.stop.stop_command",

@@ -96,7 +96,7 @@ def holds_back(name: str) -> str:
     if entry is None or entry.get("told"):
         return ""
     _keep_download(name, {"told": True})
-    return "a firmware download was cut off here, so its boot monitor would take a stop for firmware, and moves nothing. The same command again sends the stop all the same"
+    return "a firmware download was cut off here, or is suspended: the hand does not move, and its boot monitor would take a stop for firmware. The same command again sends the stop all the same"
 
 
 def downloads_path() -> Path:
