@@ -165,7 +165,7 @@ class OutputError(HandctlError):
 
 
 class UsageError(HandctlError):
-    """The command line is invalid, or a value is outside the documented range: nothing was sent. Also: on a CAN bus, `stop` without a family found no device, and was not sent. Exit code 2."""
+    """The command line is invalid or incomplete, or a value is outside the documented range. Nothing was written. Exit code 2."""
 
     exit_code = 2
     default_code = "usage"

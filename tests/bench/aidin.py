@@ -79,7 +79,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
         "ms",
         0.25,
         "a client that delays its acknowledgement waits so long",
-        "40 ms plateau",
+        "delayed acknowledgement",
     )
     yield streamed(2 if quick else 10)
     yield recorded(4 if quick else 20)

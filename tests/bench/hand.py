@@ -169,7 +169,7 @@ def over_tcp(link: str, rounds: int) -> Iterator[Figure]:
             "the same, requests and replies",
             hand.journal.counters.sent - before,
             1,
-            "round trips",
+            "round trip",
             1.0,
             f"{took:.2f} ms",
             "fewest",

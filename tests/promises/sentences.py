@@ -72,8 +72,8 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "stop/test_whose.py",
         "test_where_nobody_answers_the_next_step_is_said",
     ),
-    "And while firmware is being downloaded": ("stop/test_which_device.py", "test_a_download_that_does_not_hear"),
-    "If the command is a firmware download": ("stop/test_which_device.py", "test_no_stop_reaches_a_download"),
+    "While firmware is being downloaded": ("stop/test_which_device.py", "test_a_download_that_does_not_hear"),
+    "If it is a firmware download": ("stop/test_which_device.py", "test_no_stop_reaches_a_download"),
     "In each case, the other command ends with exit code 130": ("stop/test_stop.py", "test_"),
     "Exit code 130 means that the device acknowledged the stop": (
         "contract/test_contract.py",
