@@ -48,5 +48,11 @@ def run(*, quick: bool) -> Iterator[Figure]:
         note = f"{file.stat().st_size / 1e6:.0f} MB, {columns} curves; user time of the whole process"
         yield Figure("plot, 1 h at 50 Hz", taken, plain, "s", GOAL, note, "csv.reader")
         yield Figure(
-            "plot, size of the picture", picture.stat().st_size / 1e6, LARGEST_MB, "MB", 1.0, "all curves move", "allowed"
+            "plot, size of the picture",
+            picture.stat().st_size / 1e6,
+            LARGEST_MB,
+            "MB",
+            1.0,
+            "all curves move",
+            "allowed",
         )

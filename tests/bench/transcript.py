@@ -79,5 +79,11 @@ def run(*, quick: bool) -> Iterator[Figure]:
             words = [HANDCTL, "trace", "show", str(file), "--json", "-o", str(Path(folder) / "json")]
             peak = peak_kilobytes(words) / 1024
             yield Figure(
-                f"trace show --json, {name}, memory", peak, MOST_MEGABYTES, "MiB", 1.0, note.partition(";")[0], "allowed"
+                f"trace show --json, {name}, memory",
+                peak,
+                MOST_MEGABYTES,
+                "MiB",
+                1.0,
+                note.partition(";")[0],
+                "allowed",
             )
