@@ -57,7 +57,7 @@ class Finger(Servo):
         """Whether time changes nothing."""
         goal = self.rest_force if self.force_goal is None else self.force_goal
         arrived = (self.target is None or self.position == self.target) and not self.pressing
-        return arrived and self.force == goal and self.temperature == self.ambient
+        return arrived and self.force == goal and self.degrees == self.ambient
 
     def current(self) -> float:
         if self.target is None or self.position == self.target:
@@ -209,7 +209,7 @@ class Hand:
             ("force", self.forces()),
             ("current", [bounded(round(f.current()) + self._noise(f, 3), 0, 1000) for f in self.fingers]),
             ("error", [finger.error() for finger in self.fingers]),
-            ("temperature", [bounded(int(finger.temperature + 0.0001), 0, 100) for finger in self.fingers]),
+            ("temperature", [bounded(int(finger.degrees + 0.0001), 0, 100) for finger in self.fingers]),
         ]
 
     def _noise(self, finger: Finger, width: int) -> int:

@@ -241,7 +241,7 @@ class Module(Asked):
         put("current-2", body.currents()[::-1])
         for number, actuator in enumerate(body.actuators, 1):
             put(f"error-{number}", [actuator.error()])
-        put("temperature-1", [bounded(int(actuator.temperature + 0.0001), 0, 255) for actuator in body.actuators])
+        put("temperature-1", [bounded(int(actuator.degrees + 0.0001), 0, 255) for actuator in body.actuators])
 
 
 # -- wires -----------------------------------------------------------------------------------------------------------
