@@ -31,7 +31,10 @@ def shown(text: str, keep: str = "") -> str:
 
     Characters in `keep` stay, such as a newline in a text of several lines.
     """
-    if text.isprintable():
+    plain = text
+    for letter in keep:
+        plain = plain.replace(letter, "")
+    if plain.isprintable():
         return text
     return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)
 
