@@ -61,7 +61,7 @@ class Client:
             self.forth.append((self._way(self.forth), None, speed))
             self.send(self.bus.now)
         else:
-            self._speed = self.receiver.speed = speed
+            self._tune(speed)
 
     def look(self) -> None:
         """With the adapter goes what was on its way."""
@@ -122,7 +122,7 @@ class Client:
         while self.forth and self.forth[0][0] <= until:
             when, data, speed = self.forth.popleft()
             if data is None:
-                self._speed = self.receiver.speed = speed
+                self._tune(speed)
             elif self._speed is None or self._speed > 0:
                 baud = self._speed or self.bus.plan.baud
                 self.bus.down.put(self, max(when, self.bus.now), baud, data, self._speed is None)
@@ -148,6 +148,11 @@ class Client:
         self._flush(now)
 
     # -- inside -----------------------------------------------------------------------------------------------------
+
+    def _tune(self, speed: int | None) -> None:
+        self._speed = speed
+        if self.receiver.speed != speed:
+            self.receiver.tune(speed)
 
     def _way(self, queue: deque[tuple[float, bytes | None, int | None]]) -> float:
         """When something that starts now is at the wire; nothing overtakes."""
@@ -195,7 +200,8 @@ class Station:
             self.bus.up.put(self, now, speed, data)
         if line.hung_up:
             line.reconnect()  # its cable was pulled in the middle; the bus is still there
-        self.receiver.speed = line.device.speed
+        if self.receiver.speed != line.device.speed:
+            self.receiver.tune(line.device.speed)
         wake = line.next_event()
         self.wake = wake if wake is None or wake > now else now + IDLE
 

@@ -415,9 +415,11 @@ class Line(Cable):
             return
         if self._rx:
             self._listen()
-        self.device.advance(self.now)
-        self._collect()
-        if self._plug.used or self.device.absent:
+        device = self.device
+        device.advance(self.now)
+        if device.replies or self._out or device.dirty:
+            self._collect()
+        if self._plug.used or device.absent:
             self._look()
         self._settled = True
 

@@ -52,13 +52,6 @@ class Finger(Servo):
     def moving(self) -> bool:
         return self.target is not None and self.position != self.target and not self.blocked
 
-    @property
-    def rests(self) -> bool:
-        """Whether time changes nothing."""
-        goal = self.rest_force if self.force_goal is None else self.force_goal
-        arrived = (self.target is None or self.position == self.target) and not self.pressing
-        return arrived and self.force == goal and self.degrees == self.ambient
-
     def current(self) -> float:
         if self.target is None or self.position == self.target:
             return float(self.rest_current)
@@ -150,7 +143,9 @@ class Hand:
     def _run(self, seconds: float) -> None:
         if seconds > 0.0:
             for finger in self.both:
-                if not finger.rests:
+                goal = finger.rest_force if finger.force_goal is None else finger.force_goal
+                on_its_way = finger.target is not None and finger.position != finger.target
+                if on_its_way or finger.pressing or finger.force != goal or finger.degrees != finger.ambient:
                     finger.run(seconds)
 
     def _aim(self, pose: tuple[int, int, int, int, int, int]) -> None:
