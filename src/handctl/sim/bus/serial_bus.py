@@ -139,7 +139,8 @@ class Client:
         if self._swallow:
             self._swallow = False
             return
-        self._flush(now)
+        if self._chunk:
+            self._flush(now)
         if not self._chunk:
             self._chunk_due = now + plan.coalesce
         self._chunk.append(byte)

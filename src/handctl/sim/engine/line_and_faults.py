@@ -357,7 +357,7 @@ class _Segment:
     def next_event(self) -> float:
         if self.step == 0.0:
             return self.start
-        return self.end_of(min(len(self.data), self.sent + max(1, int(TICK / self.step))))
+        return self.start + self.step * min(len(self.data), self.sent + max(1, int(TICK / self.step)))
 
 
 class Line(Cable):
@@ -508,13 +508,16 @@ class Line(Cable):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take` may return something or the device acts; None: nothing is scheduled."""
-        return soonest(
-            self._tx[0].next_event() if self._tx else None,
-            self._out[0][0] if self._out else None,
-            self._hearing()[1] if self._rx else None,
-            self.device.next_event() if self.device.powered else None,
-            self._plug.next_event(self.now) if self._plug.used else None,
-        )
+        first = self.device.next_event() if self.device.powered else None
+        if self._tx:
+            first = soonest(first, self._tx[0].next_event())
+        if self._out:
+            first = soonest(first, self._out[0][0])
+        if self._rx:
+            first = soonest(first, self._hearing()[1])
+        if self._plug.used:
+            first = soonest(first, self._plug.next_event(self.now))
+        return first
 
     # -- inside -----------------------------------------------------------------------------------------------------
 

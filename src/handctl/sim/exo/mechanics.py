@@ -8,7 +8,7 @@ in closed form from the time that passed, so a jump of virtual time gives the sa
 from __future__ import annotations
 
 from handctl.sim.engine.simulated_device import Random
-from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo, bounded
+from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 # Power-on values, all different so that a swapped finger is seen.
@@ -196,15 +196,15 @@ class Hand:
         return [round(finger.position) for finger in self.both]
 
     def forces(self) -> list[int]:
-        return [bounded(round(f.force) + self._noise(f, 2), -1000, 1000) for f in self.fingers]
+        return [max(-1000, min(1000, round(f.force) + self._noise(f, 2))) for f in self.fingers]
 
     def readings(self) -> list[tuple[str, list[int]]]:
         return [
             ("position", self.positions()),
             ("force", self.forces()),
-            ("current", [bounded(round(f.current()) + self._noise(f, 3), 0, 1000) for f in self.fingers]),
+            ("current", [max(0, min(1000, round(f.current()) + self._noise(f, 3))) for f in self.fingers]),
             ("error", [finger.error() for finger in self.fingers]),
-            ("temperature", [bounded(int(finger.degrees + 0.0001), 0, 100) for finger in self.fingers]),
+            ("temperature", [max(0, min(100, int(finger.degrees + 0.0001))) for finger in self.fingers]),
         ]
 
     def _noise(self, finger: Finger, width: int) -> int:

@@ -246,22 +246,21 @@ class Body:
 
     def advance(self, now: float) -> None:
         while (event := self.next_event()) is not None and event <= now:
-            self._run(event - self.now)
-            self.now = max(self.now, event)
+            self._run(event)
             if self.course and self.course[0][0] <= event:
                 self._pose(self.course.pop(0)[1])
             for finger in self.fingers:
                 while finger.waiting and finger.waiting[0][0] <= event:
                     finger.aim(finger.waiting.pop(0)[1])
-        self._run(now - self.now)
-        self.now = max(self.now, now)
+        self._run(now)
 
-    def _run(self, seconds: float) -> None:
-        if seconds > 0.0:
+    def _run(self, now: float) -> None:
+        if now > self.now:
             for finger in self.fingers:
                 at_rest = finger.object is None and (finger.goal is None or finger.goal == finger.angle)
                 if not at_rest or finger.degrees != finger.ambient:
-                    finger.run(seconds)
+                    finger.run(now - self.now)
+            self.now = now
 
     def next_event(self) -> float | None:
         """When a command reaches its motor, or the next pose of a calibration begins."""

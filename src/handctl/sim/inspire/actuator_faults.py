@@ -109,7 +109,3 @@ def start_hot(servos: Sequence[Servo], faults: frozenset[str]) -> None:
     """Behind a power-on: with the fault "hot" all begin above the limit."""
     for number, servo in enumerate(servos) if "hot" in faults else ():
         servo.temperature = servo.limit + 1.0 + number
-
-
-def bounded(value: int, low: int, high: int) -> int:
-    return max(low, min(high, value))
