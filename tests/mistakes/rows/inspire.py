@@ -203,7 +203,7 @@ ROWS = (
         "inspire-a-refusal-leaves-an-id-free",
         "two hands with one id",
         "handctl.devices.inspire.id_baud_save_reset",
-        "replies",
+        "_replies",
         "except DeviceRefused:\n    return True",
         "except DeviceRefused:\n    return False",
         "tests/inspire/test_contact.py::test_an_id_is_taken_by_whoever_answers_anything",
