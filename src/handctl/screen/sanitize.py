@@ -31,10 +31,7 @@ def shown(text: str, keep: str = "") -> str:
 
     Characters in `keep` stay, such as a newline in a text of several lines.
     """
-    plain = text
-    for letter in keep:
-        plain = plain.replace(letter, "")
-    if plain.isprintable():
+    if text.isprintable() or (keep and text.translate(dict.fromkeys(map(ord, keep))).isprintable()):
         return text
     return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)
 

@@ -335,16 +335,10 @@ class Body:
         """Those of each word; of a `foreign` hand no angle can be."""
         fingers = self.fingers
         angles = range(3000, 3000 + len(fingers)) if foreign else [round(finger.angle) for finger in fingers]
-        noisy = [self.jitter is not None and (self.jitter or finger.moving) for finger in fingers]
+        each = [(finger, self.jitter is not None and (self.jitter or finger.moving)) for finger in fingers]
         between = self.random.between
-        forces = [
-            finger.rest_force + round(finger.pressed()) + (between(-2, 2) if shakes else 0)
-            for finger, shakes in zip(fingers, noisy, strict=True)
-        ]
-        currents = [
-            round(finger.current()) + (between(-3, 3) if shakes else 0)
-            for finger, shakes in zip(fingers, noisy, strict=True)
-        ]
+        forces = [f.rest_force + round(f.pressed()) + (between(-2, 2) if shakes else 0) for f, shakes in each]
+        currents = [round(f.current()) + (between(-3, 3) if shakes else 0) for f, shakes in each]
         return [
             ("stroke", [round(finger.stroke) for finger in fingers]),
             ("angle", list(angles)),

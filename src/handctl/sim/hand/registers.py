@@ -358,15 +358,13 @@ class Hand:
         for word, values in self.body.readings("foreign" in self.faults):
             self.space.put(word, values)
         row = self.space.row
-        if not ("tactile" in row or "touch" in row):
-            return
-        presses = [finger.pressed() for finger in self.body.fingers]
+        presses = [finger.pressed() for finger in self.body.fingers if "tactile" in row or "touch" in row]
         if "tactile" in row:
             dead, saturated = "tactile-dead" in self.faults, "tactile-saturated" in self.faults
             if self.felt != (felt := (presses, dead, saturated)):
                 self.space.put("tactile", skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
                 self.felt = felt
-        else:
+        elif presses:
             self.space.put("touch", touched(presses))
 
 

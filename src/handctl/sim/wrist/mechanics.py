@@ -162,7 +162,6 @@ class Body:
     def currents(self) -> list[int]:
         """Of actuators #1 and #2, mA."""
         noisy = self.jitter or self.moving
-        shown = [
-            round(a.rest_current + self._rise(a)) + (self.random.between(-3, 3) if noisy else 0) for a in self.actuators
-        ]
+        noise = [self.random.between(-3, 3) if noisy else 0 for _ in self.actuators]
+        shown = [round(a.rest_current + self._rise(a)) + more for a, more in zip(self.actuators, noise, strict=True)]
         return [max(-32768, min(32767, current)) for current in shown]
