@@ -73,7 +73,7 @@ def _samples(burst: tuple[tuple[int, bytes, int], ...], listens: int, skew: int,
     """The levels of the line, a byte each."""
     out = bytearray(b"\1" * 4)
     for baud, data, gap in burst:
-        bits = b"\1" * gap + b"".join(FRAMES[byte] for byte in data)
+        bits = b"\1" * gap + b"".join([FRAMES[byte] for byte in data])
         size = baud * (1 + skew / 1000) / (SAMPLES * listens)  # bits from one sample to the next
         places = _places(size, phase, len(bits).bit_length())
         out += bytes(map(bits.__getitem__, places[: bisect_left(places, len(bits))]))

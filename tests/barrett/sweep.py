@@ -126,7 +126,7 @@ def outcome(state: str, leaf: str, scratch: Path, at: float = 0.0, **options: ob
     with mock.patch.object(handctl.sim, "create", lambda kind, options: port.opened()):
         result = begin(leaf, scratch, "fake://barrett?clock=virtual")
     twin = found.make()
-    end = port.line._present() + 0.3
+    end = port.line.now + 0.3
     for one in (port.line, twin):
         one.advance(end)
     parts = {part_of(place) for place in changes(port.line, twin)} if port.sent else set()

@@ -70,11 +70,11 @@ def at_moments(spy: Spy, *moments: tuple[float, str]) -> Iterator[None]:
     """What happens to the simulated hand, each at its second of virtual time: (second, control command)."""
     left, sleep = list(moments), links._Simulated._sleep_until
 
-    def until(link: Any, moment: float) -> None:
+    def until(link: Any, moment: float) -> float:
         while left and link._virtual is not None and moment >= left[0][0]:
             sleep(link, left[0][0])
             spy.lines[-1].device.command(left.pop(0)[1].split())
-        sleep(link, moment)
+        return sleep(link, moment)
 
     with mock.patch.object(links._Simulated, "_sleep_until", until):
         yield

@@ -51,7 +51,7 @@ def tried(family: str, waiting: Waiting, line: Line, scratch: Path, *more: str) 
         before = waiting.places(port.line)
         environment = {"XDG_STATE_HOME": str(scratch / "state"), "XDG_RUNTIME_DIR": str(scratch)}
         done = run(*words, "-p", link_of(state), *more, env=environment)
-        port.line.advance(port.line._present() + SECONDS)
+        port.line.advance(port.line.now + SECONDS)
         after = waiting.places(port.line)
     return done.code, any(abs(b - a) > waiting.near for a, b in zip(before, after, strict=True))
 

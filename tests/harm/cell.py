@@ -30,7 +30,7 @@ SECONDS = 20.0
 """Of real time: a command that takes longer hangs."""
 
 EARS = frozenset({
-    "_replies", "_inbox", "_heard", "_hear_since", "_lost", "random", "judge", "dirty", "_line", "_open", "_noisy_echo", "hits",
+    "replies", "_inbox", "_heard", "_hear_since", "_lost", "random", "judge", "dirty", "_line", "_open", "_noisy_echo", "hits",
     "_previous", "faults", "reader", "writer", "_streamed", "_next_feedback", "_unwritten", "_merged", "ignored",
     "_event_at", "_asked", "_frozen_boot", "reported", "_switches", "_fidgets", "fidgets", "device",
 })  # fmt: skip
@@ -48,7 +48,7 @@ class Port:
 
     def opened(self) -> Port:
         """A new link: its clock begins at 0."""
-        self._start = self.line._present()
+        self._start = self.line.now
         return self
 
     def advance(self, now: float) -> None:
@@ -245,7 +245,7 @@ def try_cell(state: State, line: CommandLine, mode: str, scratch: Path) -> Cell:
         changed: list[str] = []
         if port.fed:
             twin = state.make()
-            end = port.line._present() + SETTLE
+            end = port.line.now + SETTLE
             for one in (port.line, twin):
                 one.advance(end)
             changed = changes(port.line, twin)

@@ -41,7 +41,7 @@ def try_cell(place: Place, line: lines.Line, how: str, folder: Folder) -> Tried:
         more += ("--deadline", str(DEADLINE))
     with connected(place) as port:  # type: ignore[arg-type]
         done = attempt((*words, "-p", link_of(place), *more, *FORMATS[how]), how, folder)  # type: ignore[arg-type]
-        took = port.line._present() - 1.0
+        took = port.line.now - 1.0
     bound = STOP_SECONDS if line.path[-1] == "stop" else DEADLINE + GRACE
     if not done.failure and hurry and took > bound:
         return done._replace(failure=f"{took:.1f} s on the clock of the link, with --deadline {DEADLINE:g}")

@@ -281,7 +281,7 @@ class Hostile:
             object.__setattr__(self, name, value)
 
     def _now(self) -> float:
-        return self.line._present()  # type: ignore[no-any-return]
+        return self.line.now  # type: ignore[no-any-return]
 
     def advance(self, now: float) -> None:
         """Time goes on, and what is to come unasked has come."""

@@ -31,7 +31,7 @@ class Wired(Port):
     """The cable, whose time is that of the clock."""
 
     def opened(self) -> Wired:
-        self._start = self.line._present() - time.monotonic()
+        self._start = self.line.now - time.monotonic()
         return self
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import cached_property
+from operator import sub
 from typing import Any
 
 from handctl.link import ByteLink, Deadline, open_link
@@ -34,12 +36,15 @@ class Seen:
 
     at: list[tuple[float, tuple[int, ...]]] = field(default_factory=list)
 
+    @cached_property
+    def _travelled(self) -> list[tuple[float, int]]:
+        """How far the fastest of all axes goes in 0.1 s from each moment on, once all was seen."""
+        pairs = zip(self.at, self.at[round(0.1 / TICK) :], strict=False)
+        return [(moment, max(map(abs, map(sub, x, y)))) for (moment, x), (_, y) in pairs]
+
     def travel(self) -> float:
         """The fastest of all axes, in counts a second, over 0.1 s."""
-        rows = [places for _, places in self.at]
-        step = round(0.1 / TICK)
-        pairs = zip(rows, rows[step:], strict=False)
-        return max((max(abs(a - b) for a, b in zip(x, y, strict=True)) for x, y in pairs), default=0) / 0.1
+        return max((way for _, way in self._travelled), default=0) / 0.1
 
     def driven_back(self) -> int:
         """The most that an axis has gone back, of those that went anywhere."""
@@ -51,10 +56,8 @@ class Seen:
 
     def stood_from(self) -> float:
         """Since when it has been slower than a fifth of its fastest: on its slow way back to where it is held."""
-        step, fastest = round(0.1 / TICK), self.travel()
-        pairs = [(one[0], one[1], two[1]) for one, two in zip(self.at, self.at[step:], strict=False)]
-        fast = [moment for moment, x, y in pairs if max(abs(a - b) for a, b in zip(x, y, strict=True)) > 0.02 * fastest]
-        return max(fast, default=0.0)
+        fastest = self.travel()
+        return max((moment for moment, way in self._travelled if way > 0.02 * fastest), default=0.0)
 
 
 class Far(ByteLink):

@@ -143,8 +143,8 @@ FREE = frozenset({"text", "hint", "bytes", "meaning", "next", "evidence", "last"
 
 def shape(row: Any) -> tuple[Any, ...]:
     """All that the schema asks of a row: which keys it has, and what kind of value each."""
-    kinds = tuple((key, type(value), type(value) is list and frozenset(map(type, value))) for key, value in row.items())
-    return kinds, str(row.get("t", "")).startswith("-")
+    kinds = [(key, type(value), type(value) is list and frozenset(map(type, value))) for key, value in row.items()]
+    return tuple(kinds), str(row.get("t", "")).startswith("-")
 
 
 def told(part: Any) -> Any:

@@ -43,12 +43,12 @@ def odd(
 
     def reply(self: Device, lines: list[bytes], code: int) -> None:
         finish(self, lines, code)
-        data = every(self._replies[-1].data)
-        self._replies[-1].data = first(data) if asked.get(id(self), "").endswith(FIRST) else data
+        data = every(self.replies[-1].data)
+        self.replies[-1].data = first(data) if asked.get(id(self), "").endswith(FIRST) else data
 
     def heard(self: Device, data: bytes) -> None:
         hear(self, data)
-        for echo in self._replies if 0 in data else ():
+        for echo in self.replies if 0 in data else ():
             echo.data = echo.data.replace(b"\0", nul)
 
     def got(device: Any, names: list[str], bank: Any, numbers: Any) -> Any:

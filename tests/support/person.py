@@ -110,12 +110,12 @@ def pressed_at(seconds: float, number: int = signal.SIGINT) -> Iterator[None]:
     """A key that is pressed once, when a link on virtual time has been open for so long."""
     left, sleep = [number], fake._Simulated._sleep_until
 
-    def until(link: Any, moment: float) -> None:
+    def until(link: Any, moment: float) -> float:
         if left and link._virtual is not None and moment >= seconds:
-            sleep(link, seconds)
+            now = sleep(link, seconds)
             signal.raise_signal(left.pop())
-            return
-        sleep(link, moment)
+            return now
+        return sleep(link, moment)
 
     with mock.patch.object(fake._Simulated, "_sleep_until", until):
         yield

@@ -139,7 +139,7 @@ class Rh56(Model):
             self.writes += 1
             self._write(address * self._unit, body[2:])
             answer = b"\x01"
-        self._replies.append(Reply(self.now, frame(self.id, flag, body[:2] + answer), frozenset()))
+        self.replies.append(Reply(self.now, frame(self.id, flag, body[:2] + answer), frozenset()))
 
     def _write(self, begin: int, data: bytes) -> None:
         for address, size, count, access in self.generation.rows:

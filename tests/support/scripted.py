@@ -65,8 +65,11 @@ class ScriptedLink(ByteLink):
 
     def put(self, delay: float, data: bytes) -> None:
         """Bytes that arrive by themselves."""
-        self._incoming.append((self.clock + delay, data))
-        self._incoming.sort(key=lambda reply: reply[0])
+        reply = self.clock + delay, data
+        late = bool(self._incoming) and reply[0] < self._incoming[-1][0]
+        self._incoming.append(reply)
+        if late:
+            self._incoming.sort(key=lambda reply: reply[0])
 
     def write(self, data: bytes, deadline: Deadline) -> None:
         self.sent.append(bytes(data))

@@ -111,11 +111,14 @@ class _Simulated(Link):
     def sleep(self, seconds: float) -> None:
         self._sleep_until(self.now() + max(0.0, seconds))
 
-    def _sleep_until(self, moment: float) -> None:
-        if self._virtual is not None:
-            self._virtual = max(self._virtual, moment)
-        else:
+    def _sleep_until(self, moment: float) -> float:
+        """The present moment, then."""
+        if self._virtual is None:
             clock.sleep(max(0.0, moment - clock.now()))
+            return clock.now()
+        if moment > self._virtual:
+            self._virtual = moment
+        return self._virtual
 
     def _say(self, feed: Callable[..., object], *what: Any) -> None:
         """Send this. The virtual clock must go on meanwhile."""
@@ -126,27 +129,22 @@ class _Simulated(Link):
                 self._virtual += EXCHANGE
                 self._stands = self._virtual, count
         self._line.advance(self.now())
-        self._check()
+        if self._line.hung_up:
+            raise self._hung_up()
         try:
             feed(*what)
         except OSError as exc:
             raise self._state_lost(exc) from exc
 
-    def _wait(self, now: float, deadline: Deadline) -> bool:
-        """Sleep until the simulator may have something, or until `deadline`; False when that has passed."""
-        if now >= deadline.at:
-            return False
+    def _wait(self, now: float, deadline: Deadline) -> float:
+        """Sleep until the simulator may have something, or until `deadline`; the present moment, then."""
         event = self._line.next_event()
-        self._sleep_until(deadline.at if event is None else min(deadline.at, max(event, now)))
-        return True
+        return self._sleep_until(deadline.at if event is None else min(deadline.at, max(event, now)))
 
-    def _check(self) -> None:
-        if self._line.hung_up and getattr(self._line, "pulled", False):
-            raise LinkError(f"{self.name}: the simulated port is gone", hint="the simulator unplugged it", code="lost")
-        if self._line.hung_up:
-            raise LinkError(
-                f"{self.name}: the simulated device hung up", hint="that is the disconnect fault", code="lost"
-            )
+    def _hung_up(self) -> LinkError:
+        if getattr(self._line, "pulled", False):
+            return LinkError(f"{self.name}: the simulated port is gone", hint="the simulator unplugged it", code="lost")
+        return LinkError(f"{self.name}: the simulated device hung up", hint="that is the disconnect fault", code="lost")
 
     def power_cycle(self) -> bool:
         self._line.advance(self.now())
@@ -182,16 +180,18 @@ class FakeLink(_Simulated, ByteLink):
         self._say(self._line.feed, data)
 
     def read(self, deadline: Deadline, size: int = 4096) -> bytes:
+        line, now = self._line, self.now()
         while True:
-            now = self.now()
-            self._line.advance(now)
-            self._rest += self._line.take()
+            line.advance(now)
+            self._rest += line.take()
             if self._rest:
                 data, self._rest = self._rest[:size], self._rest[size:]
                 return data
-            self._check()
-            if not self._wait(now, deadline):
+            if line.hung_up:
+                raise self._hung_up()
+            if now >= deadline.at:
                 return b""
+            now = self._wait(now, deadline)
 
     @property
     def speed(self) -> int | None:
@@ -259,15 +259,17 @@ class FakeFrames(_Simulated, FrameLink):
         self._line.client_bitrate, self._line.taking_part = None, True
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
+        now = self.now()
         while True:
-            now = self.now()
             self._line.advance(now)
             self._arrived += self._line.take_frames()
             if self._arrived:
                 return CanFrame(*self._arrived.pop(0))
-            self._check()
-            if not self._wait(now, deadline):
+            if self._line.hung_up:
+                raise self._hung_up()
+            if now >= deadline.at:
                 return None
+            now = self._wait(now, deadline)
 
     def power_cycle(self) -> bool:
         self._arrived.clear()

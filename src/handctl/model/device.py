@@ -28,7 +28,7 @@ from handctl.errors import (
 from handctl.families import FAMILIES
 from handctl.fast_classes import NamedTuple
 from handctl.model.command_settings import Settings
-from handctl.model.param import PUSHES, Changes, Element, Number, ParamMap, Reading, ValueChange, scale_of
+from handctl.model.param import PUSHES, Changes, Element, Number, Param, ParamMap, Reading, ValueChange, scale_of
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c, stopped_by_error
 from handctl.model.stop_sequence import (
@@ -465,15 +465,19 @@ class Device(ABC):
             return {**row, "path": element.path, **self.no_value}
         row |= self.value_keys(reading)
         row["path"] = element.path
-        if self.product:
-            self.about.setdefault("model", self.product)
+        self.keep_facts(param, row["value"])
         if (scale := scale_of(param.unit or "")) is not None:
             row |= {"scaled": scale.of(value), "scaled_unit": scale.unit}
         if param.alarms:
             row["errors"] = param.errors(int(value))
-        if param.tells and row["value"]:
-            self.about[param.tells] = str(row["value"])
         return row
+
+    def keep_facts(self, param: Param, value: object) -> None:
+        """What a value that was read tells about the device itself."""
+        if self.product:
+            self.about.setdefault("model", self.product)
+        if param.tells and value:
+            self.about[param.tells] = str(value)
 
     def table(self, readings: Sequence[Reading], title: str = "") -> Table:
         """Readings as a Table. If some could not be read, that is its failure, and the others are still shown."""

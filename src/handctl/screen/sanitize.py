@@ -31,7 +31,7 @@ def shown(text: str, keep: str = "") -> str:
 
     Characters in `keep` stay, such as a newline in a text of several lines.
     """
-    if text.isprintable():
+    if text.isprintable() or (keep and text.translate(dict.fromkeys(map(ord, keep))).isprintable()):
         return text
     return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)
 

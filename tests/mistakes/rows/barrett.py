@@ -663,7 +663,7 @@ ROWS = (
         "escapes let through",
         LANGUAGE,
         "encode",
-        "if not command.isascii() or any(not 32 <= ord(letter) < 127 for letter in command):",
+        "if not (command.isascii() and command.isprintable()):",
         "if not command.isascii():",
         "tests/barrett/test_language.py::test_only_printable_ascii_leaves",
     ),

@@ -75,8 +75,8 @@ ROWS = (
         "a reply reaches another request",
         LINE,
         "Cable._due",
-        "self._floor = max(self._floor, self._present() + wait)",
-        "self._floor = self._present() + wait",
+        "self._floor = max(self._floor, self.now + wait)",
+        "self._floor = self.now + wait",
         f"{HERE}test_reply_times_are_those_that_were_recorded_and_keep_the_order_of_the_replies",
     ),
 )

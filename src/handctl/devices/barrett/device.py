@@ -266,7 +266,9 @@ class BarrettHand(Device):
         for reading in self.read(BARRETT.elements(*names, motors=motors)):
             if isinstance(reading.error, NotPresent) and gcl_name(reading.element) in dispensable:
                 continue
-            found[self.row(reading)["parameter"], reading.element.part] = int(reading.required)
+            value = reading.required
+            self.keep_facts(reading.element.param, value)
+            found[gcl_name(reading.element), reading.element.part] = int(value)
         return found
 
     def _read_numbers(self, elements: Sequence[Element]) -> list[Reading]:
@@ -283,8 +285,9 @@ class BarrettHand(Device):
             motors = sorted({element.index for element in elements if element.param.elements})
             prefix = "" if len(motors) in (0, 4) else "".join(str(motor + 1) for motor in motors)
             params = [BARRETT.by_mnemonic(name) for name in dict.fromkeys(map(gcl_name, elements))]
+            kinds = [((one.is_global, one.optional), one.mnemonic) for one in params]
             for common, later in product((False, True), repeat=2):  # what is absent must not spoil the others
-                names = [(one.mnemonic,) for one in params if (one.is_global, one.optional) == (common, later)]
+                names = [(name,) for kind, name in kinds if kind == (common, later)]
                 for line, items in batches("PGET" if common else f"{prefix}FGET", names):
                     try:
                         self._get(line, [0] if common else motors, found)
@@ -303,7 +306,7 @@ class BarrettHand(Device):
 
     def _tell_signs(self, readings: Sequence[Reading], found: Mapping[str, dict[int, int] | HandctlError]) -> None:
         """Say once that positions were printed without their sign."""
-        for reading in readings:
+        for reading in readings if not self._told_sign else ():
             element = reading.element
             printed = found[gcl_name(element)] if gcl_name(element) in POSITIONS else None
             if not self._told_sign and isinstance(printed, dict) and printed[element.index] != reading.value:

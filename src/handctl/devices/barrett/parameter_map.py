@@ -5,8 +5,9 @@ Values are the hand's own integers; the unit says what one count is. And what el
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import Any
 
 from handctl.devices.barrett.gcl.codec import MOTORS
@@ -224,9 +225,8 @@ def standard() -> list[GclParam]:
     return [param for param in BARRETT if not param.since]
 
 
-def gcl_name(element: Element) -> str:
-    """The GCL name of an element's parameter."""
-    return element.param.mnemonic  # type: ignore[attr-defined,no-any-return]  # a GclParam, here; asked for with every value
+gcl_name: Callable[[Element], str] = attrgetter("param.mnemonic")
+"""The GCL name of an element's parameter; asked for with every value."""
 
 
 def sample_seconds(sample: int) -> float:

@@ -95,11 +95,12 @@ class Requester:
     def _first(self, device_id: int, answered: dict[int, int], *, other: bool = False) -> bool:
         """The first question to an id, or the `other` one, and what comes meanwhile. False when bytes came that belong to no valid reply."""
         flag, link = self._bus.read_flag, self._bus.link
-        requests = [eb90.read_request(device_id, *question(device_id, flag, other=one), flag) for one in (other, False)]
         before = AHEAD.get(link.baud if link.can_set_baud else None, b"")
-        probe = before + requests[0]
+        request = eb90.read_request(device_id, *question(device_id, flag, other=other), flag)
+        probe = before + request
         if link.replayed:  # an older recording has other probes
-            older = (probe, requests[0], before + requests[1], requests[1])
+            usual = eb90.read_request(device_id, *question(device_id, flag), flag)
+            older = (probe, request, before + usual, usual)
             probe = next(filter(link.is_next_recorded, older), older[-1])
         wire = self._send(probe, 1)
         return self._collect(answered, wire + self._wait, probe, alone=device_id)

@@ -212,15 +212,15 @@ class Device(Model):
         """Hands feedback to the line; returns the seconds that the line is busy with it, about."""
         chunk = self.given["chunk"]
         if not chunk or len(data) <= chunk or hits:  # a fault befalls an object, not a piece of it
-            self._replies.append(Reply(due, data, hits))
+            self.replies.append(Reply(due, data, hits))
             slow = {"dribble": 0.003 * len(data), "split": 0.3, "unclosed": 0.1, "noise": 12 * self._wire}
             copies = 2 if hits & {"duplicate", "stale"} else 1
             return copies * (max([0.0, *(slow[name] for name in hits & slow.keys())]) + self._wire * len(data))
         gap = STALL if self.given["nagle"] else PIECE
-        self._replies.append(Reply(due, data[:chunk], hits))
+        self.replies.append(Reply(due, data[:chunk], hits))
         rest, size = data[chunk:], len(data) if self.given["nagle"] else chunk
         for number, at in enumerate(range(0, len(rest), size)):
-            self._replies.append(Reply(due + (number + 1) * gap, rest[at : at + size], hits))
+            self.replies.append(Reply(due + (number + 1) * gap, rest[at : at + size], hits))
         return gap * (1 + (len(rest) - 1) // size) + self._wire * len(data)
 
     # -- objects in ----------------------------------------------------------------------------------------------------

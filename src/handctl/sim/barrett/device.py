@@ -71,7 +71,7 @@ class Device(Board):
 
     def _switch(self, on: bool) -> None:
         """Off: RAM values, initialization and half a line are gone; EEPROM, odometer, uptime and peak stay (§5.4.2)."""
-        self._replies.clear()
+        self.replies.clear()
         self.hand.power(on)
         self.hits = NOTHING
         self._until = self._waiting = self.monitor.until = self.loop = None
@@ -139,7 +139,8 @@ class Device(Board):
             else:
                 self.monitor.expire()
         self.hand.advance(now)
-        self._check_movement()
+        if self.hand.movement is not None:
+            self._check_movement()
         self.now = now
 
     def _wake(self) -> None:
@@ -149,10 +150,10 @@ class Device(Board):
             banner = self._end + b"BarrettHand Firmware" + self._end + b"Version " + self.version.encode()
             held, self.monitor.held = self.monitor.held, b""
             if self.given["banner-gap"]:
-                self._replies.append(Reply(self.now, held + banner, self.hits))
+                self.replies.append(Reply(self.now, held + banner, self.hits))
                 self._speaking, self._hear, self._until = True, self._hear_nothing, self.now + self.given["banner-gap"]
             else:
-                self._replies.append(Reply(self.now, held + banner + self._end + self._prompt, self.hits))
+                self.replies.append(Reply(self.now, held + banner + self._end + self._prompt, self.hits))
         elif self._waiting is None:
             self._speaking = False
             self._reply([], 0)
@@ -161,10 +162,13 @@ class Device(Board):
             self._waiting = None
 
     def _timer(self) -> float | None:
+        if self._until is None and self.monitor.until is None and not self._switches:
+            return None
         return soonest(self._until, self.monitor.until, *self._switches[:1])
 
     def next_event(self) -> float | None:
-        return soonest(self._timer(), self.hand.next_event())
+        timer = self._timer()
+        return timer if self.hand.movement is None else soonest(timer, self.hand.next_event())
 
     def _check_movement(self) -> None:
         movement = self.hand.movement
@@ -189,7 +193,7 @@ class Device(Board):
         if len(data) > 1 and self._hear == self._hear_line and not {ABORT, RETURN} & {*data} and not self._paced:
             self._hear_line(data[0])
             if not self.hits:
-                self._replies[-1].data = data
+                self.replies[-1].data = data
                 self._line += data[1 : self.given["line-limit"] + 2 - len(self._line)]
                 return
             data = data[1:]
@@ -224,7 +228,7 @@ class Device(Board):
         else:
             if "no-echo" not in self.hits:
                 befall = self.hits & {"silent", "noise"} if self._noisy_echo and not self._line else NOTHING
-                self._replies.append(Reply(self.now, bytes([byte]), befall | (self.hits & {"silent"})))
+                self.replies.append(Reply(self.now, bytes([byte]), befall | (self.hits & {"silent"})))
             if len(self._line) <= self.given["line-limit"]:
                 self._line.append(byte)
 
@@ -258,17 +262,17 @@ class Device(Board):
             lines = [*lines, b"ERR %d" % code]
         self._previous = b"".join(self._end + line for line in [*lines, self._prompt])
         hits = self.hits - {"stale"}  # that answer came before the echo
-        self._replies.append(Reply(self.now, self._previous, hits - {"noise"} if self._noisy_echo else hits))
+        self.replies.append(Reply(self.now, self._previous, hits - {"noise"} if self._noisy_echo else hits))
 
     def _post_stale(self) -> None:
         if "stale" in self.hits and self._previous:
-            self._replies.append(Reply(self.now, self._previous, self.hits & {"silent"}))
+            self.replies.append(Reply(self.now, self._previous, self.hits & {"silent"}))
 
     def post(self, data: bytes) -> None:
         hits = self.hits - {"stale"} - ({"noise"} if self._noisy_echo else NOTHING)
         self._post_stale()
         pieces = (data,) if hits else (data[:1], data[1:])
-        self._replies += [Reply(self.now, piece, hits) for piece in pieces if piece]
+        self.replies += [Reply(self.now, piece, hits) for piece in pieces if piece]
         self._previous = data
 
     # -- RealTime mode ---------------------------------------------------------------------------------------------------

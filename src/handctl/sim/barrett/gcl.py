@@ -162,7 +162,7 @@ def values(device: Board, name: str, bank: Bank, numbers: tuple[int, ...]) -> st
         found = [
             number if device.random.between(0, 7) else number ^ (1 << device.random.between(0, 11)) for number in found
         ]
-    return " ".join(str(number) for number in found)
+    return " ".join(map(str, found))
 
 
 def _pairs(arguments: list[str], bank: Bank, numbers: tuple[int, ...]) -> Answer:

@@ -309,10 +309,11 @@ class Hand:
     # -- time --------------------------------------------------------------------------------------------------------
 
     def advance(self, now: float) -> None:
-        while (event := self.next_event()) is not None and event <= now:
+        while self.movement is not None and (event := self.next_event()) is not None and event <= now:
             self._elapse(event)
             self._end_motors()
-        self._elapse(now)
+        if now > self.now:
+            self._elapse(now)
 
     def next_event(self) -> float | None:
         """When the next motor ends, or the over-temperature trip comes."""

@@ -46,7 +46,7 @@ class CanBus(Controller, SimulatedBus[CanLine]):
         self._look()
 
     def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
-        if self.now is None:
+        if not self.begun:
             self.advance(0.0)
         if self.pulled:
             return
@@ -57,13 +57,13 @@ class CanBus(Controller, SimulatedBus[CanLine]):
         if not self.acknowledged:
             self.unacknowledged += 1
         elif sum(sender is None for _, sender in self._waiting) < BACKLOG:
-            frame = Frame(self._present() + self.half(), can_id, bytes(data), extended, remote)
+            frame = Frame(self.now + self.half(), can_id, bytes(data), extended, remote)
             frame.echo = self.plan.echo and extended and not remote
             self._waiting.append((frame, None))
 
     def take_frames(self) -> list[tuple[int, bytes]]:
         """(identifier, data) of the frames that have fully arrived at the client by now."""
-        count = sum(when <= self._present() + SOON for when, _, _ in self._arrived)
+        count = sum(when <= self.now + SOON for when, _, _ in self._arrived)
         frames = [(identifier, data) for _, identifier, data in self._arrived[:count]]
         del self._arrived[:count]
         return frames
@@ -100,7 +100,7 @@ class CanBus(Controller, SimulatedBus[CanLine]):
 
     def _out(self, line: CanLine) -> bool:
         """Whether the device is not on the bus."""
-        return self.plugs[self.lines.index(line)].out(self._present())
+        return self.plugs[self.lines.index(line)].out(self.now)
 
     def _next(self) -> float | None:
         turn = self._end if self._flying else None
@@ -174,4 +174,4 @@ class CanBus(Controller, SimulatedBus[CanLine]):
 
     def _changed(self) -> None:
         for line in self.lines:
-            self._act(line, self._present())
+            self._act(line, self.now)

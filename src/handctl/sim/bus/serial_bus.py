@@ -35,7 +35,7 @@ class Client:
         self._baud: int | None = None
         self._speed: int | None = None  # at which its adapter sends; None: that of whoever listens
         self.receiver = Receiver(bus.up, self, None, bus.plan.echo)
-        self._forth: deque[tuple[float, bytes | None, int | None]] = deque()  # when it is at the wire, bytes or speed
+        self.forth: deque[tuple[float, bytes | None, int | None]] = deque()  # when it is at the wire, bytes or speed
         self._back: deque[tuple[float, bytes]] = deque()  # when it is at the client
         self._used = False
         self._swallow = False
@@ -43,10 +43,6 @@ class Client:
         self._chunk_due = 0.0
         self._heard_last = -1.0e300
         self._delay = 0.0
-
-    @property
-    def _now(self) -> float:
-        return self.bus.now or 0.0
 
     # -- as a line ------------------------------------------------------------------------------------------------
 
@@ -62,39 +58,40 @@ class Client:
         self._baud = baud
         speed = None if self.bus.plan.speed_ignored else baud
         if self._used:
-            self._forth.append((self._way(self._forth), None, speed))
-            self.send(self._now)
+            self.forth.append((self._way(self.forth), None, speed))
+            self.send(self.bus.now)
         else:
-            self._speed = self.receiver.speed = speed
+            self._tune(speed)
 
     def look(self) -> None:
         """With the adapter goes what was on its way."""
-        if not self.pulled and self.bus.away:
+        if self.bus.away and not self.pulled:
             self.reconnect()
             self.hung_up = self.pulled = True
 
     def advance(self, now: float) -> None:
         self.bus.advance(now)
-        self.look()
+        if self.bus.adapters.used:
+            self.look()
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""
-        if self.bus.now is None:
+        if not self.bus.begun:
             self.bus.advance(0.0)
         if self.pulled:
             return
         self._used = True
         size = self.bus.plan.packet or len(data)
-        if sum(len(part or b"") for _, part, _ in self._forth) + len(data) <= BACKLOG:
+        if sum(len(part or b"") for _, part, _ in self.forth) + len(data) <= BACKLOG:
             for place in range(0, len(data), size):
-                self._forth.append((self._way(self._forth), bytes(data[place : place + size]), None))
-        self.send(self._now + EDGE)
+                self.forth.append((self._way(self.forth), bytes(data[place : place + size]), None))
+        self.send(self.bus.now + EDGE)
 
     def take(self) -> bytes:
         """What the client may read by now."""
-        self._flush(self._now)
+        self._flush(self.bus.now)
         out = bytearray()
-        while self._back and self._back[0][0] <= self._now + EDGE:
+        while self._back and self._back[0][0] <= self.bus.now + EDGE:
             out += self._back.popleft()[1]
         return bytes(out)
 
@@ -103,7 +100,7 @@ class Client:
 
     def reconnect(self) -> None:
         """A new client: what was on its way is lost, the devices go on."""
-        self._forth.clear()
+        self.forth.clear()
         self._back.clear()
         self._chunk.clear()
         self._used = self._swallow = self.hung_up = self.pulled = False
@@ -114,10 +111,6 @@ class Client:
 
     # -- towards the bus ---------------------------------------------------------------------------------------------
 
-    def due(self) -> float | None:
-        """When something that it sent reaches the wire."""
-        return self._forth[0][0] if self._forth else None
-
     def arrival(self) -> float | None:
         """When something reaches the client."""
         if self._back:
@@ -126,13 +119,13 @@ class Client:
 
     def send(self, until: float) -> None:
         """Puts on the wire what has reached it."""
-        while self._forth and self._forth[0][0] <= until:
-            when, data, speed = self._forth.popleft()
+        while self.forth and self.forth[0][0] <= until:
+            when, data, speed = self.forth.popleft()
             if data is None:
-                self._speed = self.receiver.speed = speed
+                self._tune(speed)
             elif self._speed is None or self._speed > 0:
                 baud = self._speed or self.bus.plan.baud
-                self.bus.down.put(self, max(when, self._now), baud, data, self._speed is None)
+                self.bus.down.put(self, max(when, self.bus.now), baud, data, self._speed is None)
                 self._swallow = self.bus.plan.first_byte_lost
 
     def heard(self, byte: int, now: float) -> None:
@@ -146,7 +139,8 @@ class Client:
         if self._swallow:
             self._swallow = False
             return
-        self._flush(now)
+        if self._chunk:
+            self._flush(now)
         if not self._chunk:
             self._chunk_due = now + plan.coalesce
         self._chunk.append(byte)
@@ -156,9 +150,14 @@ class Client:
 
     # -- inside -----------------------------------------------------------------------------------------------------
 
+    def _tune(self, speed: int | None) -> None:
+        self._speed = speed
+        if self.receiver.speed != speed:
+            self.receiver.tune(speed)
+
     def _way(self, queue: deque[tuple[float, bytes | None, int | None]]) -> float:
         """When something that starts now is at the wire; nothing overtakes."""
-        return max(self._now + self.bus.half(), queue[-1][0] if queue else 0.0)
+        return max(self.bus.now + self.bus.half(), queue[-1][0] if queue else 0.0)
 
     def _flush(self, now: float) -> None:
         """Gives what was held back long enough to the way to the client."""
@@ -181,7 +180,7 @@ class Station:
 
     def heard(self, byte: int, now: float) -> None:
         self.line.advance(now)
-        if not self.plug.out(now):
+        if not (self.plug.used and self.plug.out(now)):
             self.line.feed(bytes((byte,)))
         self.speak(now)
 
@@ -194,14 +193,16 @@ class Station:
         line = self.line
         speed = line.device.speed or self.bus.plan.baud
         data = line.take()
-        if (out := self.plug.out(now)) and not self.pulled:
-            self.bus.up.cut(self, now)
-        self.pulled = out
-        if data and not out:
+        if self.plug.used:
+            if (out := self.plug.out(now)) and not self.pulled:
+                self.bus.up.cut(self, now)
+            self.pulled = out
+        if data and not self.pulled:
             self.bus.up.put(self, now, speed, data)
         if line.hung_up:
             line.reconnect()  # its cable was pulled in the middle; the bus is still there
-        self.receiver.speed = line.device.speed
+        if self.receiver.speed != line.device.speed:
+            self.receiver.tune(line.device.speed)
         wake = line.next_event()
         self.wake = wake if wake is None or wake > now else now + IDLE
 
@@ -218,11 +219,14 @@ class Bus(SimulatedBus[Line]):
         self.stations: list[Station] = []
         for line in self.lines:
             self.stations.append(Station(line, self))
+        self._ears: list[Station | Client] = [*self.stations]  # and the clients
+        self._coming: list[tuple[Station | Client, tuple[float, int, float, float]]] = []  # the next byte of each
 
     def join(self) -> Client:
         """One more client."""
         client = Client(self)
         self.clients.append(client)
+        self._ears.append(client)
         return client
 
     def reconnect(self) -> None:
@@ -231,6 +235,7 @@ class Bus(SimulatedBus[Line]):
     def leave(self, client: Client) -> None:
         if client in self.clients:
             self.clients.remove(client)
+            self._ears.remove(client)
 
     # -- time -------------------------------------------------------------------------------------------------------------
 
@@ -242,12 +247,9 @@ class Bus(SimulatedBus[Line]):
 
     def next_event(self, client: Client) -> float | None:
         """When something may happen that this client notices; bytes on the wire in pieces of 2 ms."""
-        bytes_due = (byte for receiver in self._ears() if (byte := receiver.next()) is not None)
-        pieces = (max(byte[0], min(byte[3], (self.now or 0.0) + TICK)) for byte in bytes_due)
+        bytes_due = [byte for ear in self._ears if (byte := ear.receiver.next()) is not None]
+        pieces = [max(byte[0], min(byte[3], self.now + TICK)) for byte in bytes_due]
         return soonest(client.arrival(), self._acts(), *pieces)
-
-    def _ears(self) -> list[Receiver]:
-        return [station.receiver for station in self.stations] + [client.receiver for client in self.clients]
 
     def _acts(self) -> float | None:
         """When devices, masters and what clients sent act next."""
@@ -255,31 +257,35 @@ class Bus(SimulatedBus[Line]):
         for station in self.stations:
             if (wake := station.wake) is not None and (first is None or wake < first):
                 first = wake
-        for due in [master.due for master in self.masters] + [client.due() for client in self.clients]:
-            if due is not None and (first is None or due < first):
-                first = due
+        for master in self.masters:
+            if first is None or master.due < first:
+                first = master.due
+        for client in self.clients:
+            if client.forth and (first is None or client.forth[0][0] < first):
+                first = client.forth[0][0]
         return first
 
     def _next(self) -> float | None:
         first = self._acts()
-        for receiver in self._ears():
-            if (byte := receiver.next()) is not None and (first is None or byte[0] < first):
-                first = byte[0]
+        self._coming.clear()
+        for ear in self._ears:
+            if (byte := ear.receiver.next()) is not None:
+                self._coming.append((ear, byte))
+                if first is None or byte[0] < first:
+                    first = byte[0]
         return first
 
     def _happen(self, now: float) -> None:
         """What bytes end comes before what begins."""
         until = now + EDGE
-        heard: list[tuple[Station | Client, int]] = []
-        listeners: list[Station | Client] = [*self.stations, *self.clients]
-        for owner in listeners:
-            if (byte := owner.receiver.next()) is not None and byte[0] <= until:
-                owner.receiver.take()
-                heard.append((owner, byte[1]))
-        for listener, value in heard:
-            listener.heard(value, now)
+        heard = [(ear, byte[1]) for ear, byte in self._coming if byte[0] <= until]
+        for ear, _ in heard:
+            ear.receiver.take()
+        for ear, value in heard:
+            ear.heard(value, now)
         for client in self.clients:
-            client.send(until)
+            if client.forth:
+                client.send(until)
         for master in self.masters:
             if master.due <= until:
                 self.down.put(master, now, self.plan.baud, master.data)
@@ -287,17 +293,18 @@ class Bus(SimulatedBus[Line]):
         for station in self.stations:
             if station.wake is not None and station.wake <= until:
                 station.act(now)
-        for client in self.clients:
-            client.look()
+        if self.adapters.used:
+            for client in self.clients:
+                client.look()
 
     # -- power and control ----------------------------------------------------------------------------------------------
 
     def _switched(self, on: bool) -> None:
         for station in self.stations:
             if not on:
-                self.up.cut(station, self._present())
-                station.receiver.silence(self._present())
+                self.up.cut(station, self.now)
+                station.receiver.silence(self.now)
 
     def _changed(self) -> None:
         for station in self.stations:
-            station.speak(self._present())
+            station.speak(self.now)

@@ -49,9 +49,10 @@ Wire = TypeVar("Wire", bound=Cable)
 
 
 class SimulatedBus(Switched, Generic[Wire]):
-    """The devices of a file, each at a cable of its own, and the masters. `now`: None before the moment of power-on."""
+    """The devices of a file, each at a cable of its own, and the masters."""
 
-    now: float | None = None
+    now = 0.0
+    begun = False  # the moment of power-on is past
 
     def __init__(self, plan: Plan, cable: Callable[[type[Model], dict[str, str]], Wire]) -> None:
         """Raises ValueError for options that a device does not know."""
@@ -60,6 +61,7 @@ class SimulatedBus(Switched, Generic[Wire]):
         self.masters = [Master(*row) for row in plan.masters]
         self.adapters = Plug(plan.unplug)  # of all clients
         self.plugs = [Plug(each) for each in plan.plugs]  # of the devices
+        self._all_plugs = [self.adapters, *self.plugs]
         self.lines: list[Wire] = []
         for number, (kind, raw) in enumerate(plan.devices, 1):
             try:
@@ -71,13 +73,13 @@ class SimulatedBus(Switched, Generic[Wire]):
     @property
     def away(self) -> bool:
         """Whether the clients' adapters are unplugged."""
-        return self.adapters.out(self._present())
+        return self.adapters.used and self.adapters.out(self.now)
 
     def advance(self, now: float) -> None:
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self.now is None:
-            self.now = now
-            for plug in (self.adapters, *self.plugs):
+        if not self.begun:
+            self.now, self.begun = now, True
+            for plug in self._all_plugs:
                 plug.begin(now)
         for master in self.masters:
             master.wait(now)
@@ -94,9 +96,11 @@ class SimulatedBus(Switched, Generic[Wire]):
 
     def pulls(self) -> float | None:
         """When a plug goes out or in next."""
-        now = self._present()
-        moving = [plug for plug in (self.adapters, *self.plugs) if plug.plan or plug.until > now]
-        return soonest(*[plug.next_event(now) for plug in moving]) if moving else None
+        first = None
+        for plug in self._all_plugs:
+            if plug.used:
+                first = soonest(first, plug.next_event(self.now))
+        return first
 
     def power(self, on: bool) -> None:
         """All devices."""
@@ -116,7 +120,7 @@ class SimulatedBus(Switched, Generic[Wire]):
     def further(self, words: list[str]) -> str:
         match words:
             case ["unplug" | "replug", *_]:
-                return self.adapters.command(words, self._present())
+                return self.adapters.command(words, self.now)
             case ["devices"]:
                 return ", ".join(f"{number} {line.kind}" for number, line in enumerate(self.lines, 1)) or "none"
             case ["device", number, *more] if more:
@@ -130,7 +134,7 @@ class SimulatedBus(Switched, Generic[Wire]):
             raise ValueError(f"there is no device {number}. Known: 1 to {len(self.lines)}")
         place = int(number) - 1
         if words[0] in ("unplug", "replug"):  # of its plug at the bus
-            answer = self.plugs[place].command(words, self._present())
+            answer = self.plugs[place].command(words, self.now)
         else:
             answer = self.lines[place].command(" ".join(words))
         self._changed()
@@ -139,9 +143,6 @@ class SimulatedBus(Switched, Generic[Wire]):
     def close(self) -> None:
         for line in self.lines:
             line.close()
-
-    def _present(self) -> float:
-        return 0.0 if self.now is None else self.now
 
     # -- what the wires do ----------------------------------------------------------------------------------------------
 

@@ -41,14 +41,18 @@ class Burst:
         self.bit = 1.0 / speed
         self.data = data
         self.end = start + 10 * self.bit * len(data)
-        self._bits = b""  # made only when somebody must sample them
+        self._bits: bytes | None = None  # made only when somebody must sample them
         self.fits_all = fits_all  # the sender's adapter talks at the speed of whoever listens
 
-    @property
-    def bits(self) -> bytes:
+    def cut(self, now: float) -> None:
+        """What has not been sent whole by now is gone."""
+        self.data = self.data[: max(0, floor((now - self.start) / (10 * self.bit)))]
+        self.end = self.start + 10 * self.bit * len(self.data)
+        self._bits = None
+
+    def _sampled(self) -> bytes:
         """A byte for each bit."""
-        if len(self._bits) != 10 * len(self.data):
-            self._bits = b"".join([BITS[byte] for byte in self.data])
+        self._bits = b"".join([BITS[byte] for byte in self.data])
         return self._bits
 
     def whole(self, number: int) -> tuple[float, int, float, float]:
@@ -59,11 +63,11 @@ class Burst:
     def level(self, when: float) -> int:
         if not self.start <= when < self.end:
             return 1
-        return self.bits[min(int((when - self.start) / self.bit), 10 * len(self.data) - 1)]
+        return (self._bits or self._sampled())[min(int((when - self.start) / self.bit), 10 * len(self.data) - 1)]
 
     def falls(self, since: float) -> Iterator[float]:
         """Its falling edges from `since` on."""
-        bits = self.bits
+        bits = self._bits or self._sampled()
         place = max(0, ceil((since - self.start - EDGE) / self.bit))
         while (place := bits.find(0, place)) >= 0:
             if not place or bits[place - 1]:
@@ -80,8 +84,11 @@ class Pair:
 
     def put(self, sender: object, when: float, speed: int, data: bytes, fits_all: bool = False) -> Burst:
         """Queues bytes of this sender, not before `when` and behind what it sends already."""
-        start = max([when, *(burst.end for burst in self.bursts if burst.sender is sender)])
-        burst = Burst(sender, start, speed, data, fits_all)
+        for burst in reversed(self.bursts):
+            if burst.sender is sender:
+                when = max(when, burst.end)
+                break
+        burst = Burst(sender, when, speed, data, fits_all)
         self.bursts.append(burst)
         self.changes += 1
         return burst
@@ -90,8 +97,7 @@ class Pair:
         """The sender falls silent: what it had not sent is gone."""
         for burst in self.bursts:
             if burst.sender is sender and burst.end > now:
-                burst.data = burst.data[: max(0, floor((now - burst.start) / (10 * burst.bit)))]
-                burst.end = burst.start + 10 * burst.bit * len(burst.data)
+                burst.cut(now)
         self.changes += 1
 
     def forget(self, now: float) -> None:
@@ -107,23 +113,17 @@ class Receiver:
         self.pair = pair
         self.owner = owner
         self.echo = echo
-        self._speed = speed
+        self.speed = speed  # bit/s; None: that of whoever sends
         self._free = -1.0e300  # from here on it waits for the next start bit
         self._seen = -1
         self._next: tuple[float, int, float, float] | None = None
         # That byte is this one of the only burst ahead, whole and undisturbed.
         self._amid: tuple[Burst, int] | None = None
 
-    @property
-    def speed(self) -> int | None:
-        """bit/s; None: that of whoever sends."""
-        return self._speed
-
-    @speed.setter
-    def speed(self, speed: int | None) -> None:
-        if speed != self._speed:
-            self._speed = speed
-            self._seen = -1
+    def tune(self, speed: int | None) -> None:
+        """To another speed."""
+        self.speed = speed
+        self._seen = -1
 
     def next(self) -> tuple[float, int, float, float] | None:
         """The next byte by what is on the pair now: when it is complete, the byte, where it waits for a start bit then,
@@ -150,7 +150,7 @@ class Receiver:
         self._free, self._seen = now, -1
 
     def _find(self) -> tuple[float, int, float, float] | None:
-        if self._speed is not None and self._speed <= 0:
+        if self.speed is not None and self.speed <= 0:
             return None  # a speed that no line has
         free, self._amid = self._free, None
         ahead = [burst for burst in self.pair.bursts if burst.end > free]
@@ -178,7 +178,7 @@ class Receiver:
     def _byte(self, free: float, heard: list[Burst]) -> tuple[float, float, int | None, float, float] | None:
         """Where the next byte begins and is complete, itself (None: a glitch), where it goes on, the end of its burst."""
         first = heard[0] if len(heard) == 1 else min(heard, key=lambda burst: burst.start)
-        if self._speed in (None, first.speed) or first.fits_all:
+        if self.speed in (None, first.speed) or first.fits_all:
             step = 10 * first.bit
             place = max(0.0, (free - first.start) / step)
             part = place - floor(place)
@@ -191,21 +191,23 @@ class Receiver:
                 if not any(b is not first and b.start < begin + step - EDGE and b.end > begin for b in beside):
                     self._amid = first, number
                     return begin, *first.whole(number)
-        bit = 1.0 / (self._speed or first.speed)
-        edges = [
-            next((when for when in burst.falls(free) if all(other.level(when - EDGE) for other in heard)), None)
-            for burst in heard
-        ]
-        edge = min((when for when in edges if when is not None), default=None)
+        bit = 1.0 / (self.speed or first.speed)
+        if len(heard) == 1:
+            level, edge = first.level, next(first.falls(free), None)
+        else:
+
+            def level(when: float) -> int:
+                return min([burst.level(when) for burst in heard])
+
+            falls = [next((when for when in burst.falls(free) if level(when - EDGE)), None) for burst in heard]
+            edge = min((when for when in falls if when is not None), default=None)
         if edge is None:
             return None
-
-        def sample(bits: float) -> int:
-            return min([burst.level(edge + bits * bit) for burst in heard])
-
-        if sample(0.5):  # a glitch, no start bit
+        if level(edge + 0.5 * bit):  # a glitch, no start bit
             return edge, edge + bit / 2, None, edge + bit / 2, edge
-        byte = sum(sample(1.5 + place) << place for place in range(8))
+        byte = 0
+        for place in range(8):
+            byte |= level(edge + (1.5 + place) * bit) << place
         return edge, edge + 10 * bit, byte, edge + 9.5 * bit, max(first.end, edge + 10 * bit)
 
 

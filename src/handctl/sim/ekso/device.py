@@ -351,7 +351,7 @@ class Device(Model):
         due = self.now
         if quantum := int(self.given["quantum"]) / 1000.0:
             due = self._grid + quantum * ceil((self.now - self._grid) / quantum - 0.000001)
-        self._replies.append(Reply(due, data, hits))
+        self.replies.append(Reply(due, data, hits))
 
     def send_event(self, hits: frozenset[str]) -> None:
         """A frame that nobody asked for; the manual says there are none, field clients know this one."""

@@ -101,14 +101,14 @@ class CanLine(Controller, Cable):
         self._traffic_due = now
 
     def _pass(self, now: float) -> None:
-        self._now = max(now, self._present())
-        self._run(self._now)
-        self.device.advance(self._now)
+        self.now = max(now, self.now)
+        self._run(self.now)
+        self.device.advance(self.now)
         self._collect()
-        self._run(self._now)
+        self._run(self.now)
 
     def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
-        if self._now is None:
+        if not self._begun:
             self.advance(0.0)
         if self.hung_up:
             return
@@ -122,7 +122,7 @@ class CanLine(Controller, Cable):
         if not self.acknowledged:
             self.unacknowledged += 1
             return
-        now = self._present()
+        now = self.now
         frame = Frame(now, can_id, bytes(data), extended, remote)
         heard = extended and not remote  # there is no way to hand over any other
         if alone and heard:
@@ -151,7 +151,7 @@ class CanLine(Controller, Cable):
             winner, bus, _ = self._winner()
             bus += self._duration(winner)
         return soonest(
-            self._present() if self._arrived else None,
+            self.now if self._arrived else None,
             bus,
             self._traffic_due if self._traffic else None,
             self.device.next_event() if self.device.powered else None,

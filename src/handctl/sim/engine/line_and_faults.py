@@ -8,6 +8,7 @@ Generic: knows bytes, replies and time, no protocol. Both directions are indepen
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
+from operator import attrgetter
 
 from handctl.number_parsing import real_in
 from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random, Reply, Rows, soonest
@@ -71,6 +72,7 @@ class Plug:
         self.plan = sorted(_pair(item) for item in (plan or "").split(",") if item.strip())
         self._start = 0.0
         self.until = 0.0  # by hand
+        self.used = bool(self.plan)  # else it is in
 
     def begin(self, now: float) -> None:
         """The start of the plan."""
@@ -80,7 +82,7 @@ class Plug:
         """unplug [SECONDS] | replug, as words. Raises ValueError."""
         match words:
             case ["unplug", *seconds] if len(seconds) < 2:
-                self.until = now + _seconds(seconds[0]) if seconds else float("inf")
+                self.until, self.used = now + _seconds(seconds[0]) if seconds else float("inf"), True
             case ["replug"]:
                 self.until = 0.0
             case _:
@@ -173,7 +175,8 @@ class Cable(Switched):
         self.device.power(True)
         self.hung_up = False
         self.second = False  # another device than the first of its kind: what it measures differs a little
-        self._now: float | None = None
+        self.now = 0.0
+        self._begun = False
         self._closed = False
         self._settled = False  # all that happens until now has happened, and nobody has done anything since
         self._save = "never" if given["use"] == "on" else given["save"]
@@ -199,8 +202,8 @@ class Cable(Switched):
 
     def advance(self, now: float) -> None:
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
-        if self._now is None:
-            self._now = now
+        if not self._begun:
+            self.now, self._begun = now, True
             self._begin(now)
             self.device.boot(now)
             self._acts = now + UNTOUCHED
@@ -256,9 +259,6 @@ class Cable(Switched):
         """Moves time on to this moment, with all that happens until then."""
         raise NotImplementedError
 
-    def _present(self) -> float:
-        return 0.0 if self._now is None else self._now
-
     def _parse_faults(self, text: str) -> frozenset[str]:
         names = {name.strip().replace("_", "-") for name in text.split(",")} - {"", "none", "healthy"}
         for name in sorted(names):
@@ -280,7 +280,7 @@ class Cable(Switched):
         due = reply.due + self._turnaround
         if times := self._reply_times:  # never ahead of the answer before
             wait = times[self._chance.between(0, len(times) - 1)]
-            self._floor = max(self._floor, self._present() + wait)
+            self._floor = max(self._floor, self.now + wait)
             due = max(due, self._floor)
         if not reply.hits:
             return due
@@ -330,10 +330,6 @@ def _near(name: str, known: Collection[str]) -> str:
     return f"Did you mean {near[0]!r}? " if near else ""
 
 
-def _due(reply: Reply) -> float:
-    return reply.due
-
-
 class _Segment:
     """Bytes on the wire: byte k is complete at start + (k + 1) * step (at start when step is 0). `put` are those that were
     sent at `speed`; `data` is what is heard of them."""
@@ -361,7 +357,7 @@ class _Segment:
     def next_event(self) -> float:
         if self.step == 0.0:
             return self.start
-        return self.end_of(min(len(self.data), self.sent + max(1, int(TICK / self.step))))
+        return self.start + self.step * min(len(self.data), self.sent + max(1, int(TICK / self.step)))
 
 
 class Line(Cable):
@@ -369,7 +365,8 @@ class Line(Cable):
 
     def __init__(self, model: type[Model], raw: dict[str, str]) -> None:
         super().__init__(model, raw, LINE_OPTIONS, LINE_FAULTS)
-        self._wire = 0 if self._options.text("wire") == "auto" else self._options.integer("wire", -1, 50, 20000000)
+        auto = self._options.text("wire") == "auto"
+        self._wire = 0 if auto else self._options.integer("wire", -1, 50, 20000000)  # bit/s, -1: bytes take no time
         self._client_baud: int | None = None
         self._rx: list[_Segment] = []
         self._rx_free = 0.0
@@ -383,7 +380,7 @@ class Line(Cable):
     @property
     def away(self) -> bool:
         """Whether the port is gone."""
-        return self.device.absent or self._plug.out(self._present())
+        return self.device.absent or self._plug.out(self.now)
 
     def reconnect(self) -> None:
         super().reconnect()
@@ -401,7 +398,7 @@ class Line(Cable):
             return
         self._client_baud, self._settled = baud, False
         for segment in self._tx:
-            done = segment.complete(self._present())
+            done = segment.complete(self.now)
             if done < len(segment.data) and segment.speed is not None and baud is not None:
                 rest = segment.put[len(segment.put) * done // len(segment.data) :]
                 segment.data = segment.data[:done] + self._heard(rest, segment.speed, baud)
@@ -412,20 +409,23 @@ class Line(Cable):
         self._plug.begin(now)
 
     def _pass(self, now: float) -> None:
-        if self._now is None or now > self._now:
-            self._now, self._settled = now, False
+        if now > self.now:
+            self.now, self._settled = now, False
         elif self._settled:
             return
         if self._rx:
             self._listen()
-        self.device.advance(self._now)
-        self._collect()
-        self._look()
+        device = self.device
+        device.advance(self.now)
+        if device.replies or self._out or device.dirty:
+            self._collect()
+        if self._plug.used or device.absent:
+            self._look()
         self._settled = True
 
     def _look(self) -> None:
         """With the port goes what was on the wire."""
-        if (self.device.absent or self._plug.plan or self._plug.until) and not self.pulled and self.away:
+        if self.away and not self.pulled:
             self.pulled = self.hung_up = True
             self._drop()
 
@@ -437,19 +437,19 @@ class Line(Cable):
     def further(self, words: list[str]) -> str:
         """Beside those of every device: unplug [SECONDS] | replug."""
         if words[0] in ("unplug", "replug"):
-            return self._plug.command(words, self._present())
+            return self._plug.command(words, self.now)
         answer = super().further(words)
         return " | ".join((*PLUG_COMMANDS, answer)) if words == ["help"] else answer
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""
-        if self._now is None:
+        if not self._begun:
             self.advance(0.0)
         self._settled = False
-        now, baud = self._present(), self._client_baud
+        now, baud = self.now, self._client_baud
         if self.hung_up or not data:
             return
-        step = self._step(baud)
+        step = self._step(baud) if self._wire >= 0 else 0.0
         start = max(now, self._rx_free) if step else now
         incoming = _Segment(start, step, bytes(data))
         upcoming = self._hits(self.requests + 1) if self._faults else NOTHING
@@ -458,7 +458,7 @@ class Line(Cable):
             self._tx_free = self._tx[-1].end_of(len(data))
         if "loopback" in upcoming or not self.device.powered:
             return
-        end = incoming.end_of(len(data))
+        end = start + step * len(data)
         heard = None
         strange = baud is not None and self.device.speed not in (None, baud)
         if strange:
@@ -483,14 +483,15 @@ class Line(Cable):
         else:
             self._rx.append(incoming)
             self._listen()
-        self._collect()
-        self._look()
+            self._collect()
+        if self._plug.used or self.device.absent:
+            self._look()
 
     def take(self) -> bytes:
         """Bytes that have fully arrived at the client by now."""
         if not self._tx:
             return b""
-        now = self._present()
+        now = self.now
         out = b""
         while self._tx and not self.hung_up:
             segment = self._tx[0]
@@ -507,13 +508,16 @@ class Line(Cable):
 
     def next_event(self) -> float | None:
         """The earliest time at which `take` may return something or the device acts; None: nothing is scheduled."""
-        return soonest(
-            self._tx[0].next_event() if self._tx else None,
-            self._out[0][0] if self._out else None,
-            self._hearing()[1] if self._rx else None,
-            self.device.next_event() if self.device.powered else None,
-            self._plug.next_event(self._present()) if self._plug.plan or self._plug.until else None,
-        )
+        first = self.device.next_event() if self.device.powered else None
+        if self._tx:
+            first = soonest(first, self._tx[0].next_event())
+        if self._out:
+            first = soonest(first, self._out[0][0])
+        if self._rx:
+            first = soonest(first, self._hearing()[1])
+        if self._plug.used:
+            first = soonest(first, self._plug.next_event(self.now))
+        return first
 
     # -- inside -----------------------------------------------------------------------------------------------------
 
@@ -524,18 +528,20 @@ class Line(Cable):
 
     def _hearing(self) -> tuple[int, float]:
         """Of the bytes on their way to the device: how many to hand over next, and when the last of them is in."""
-        first, *more = self._rx
-        pending = first.data[first.sent :] + b"".join([segment.data for segment in more])
+        first = self._rx[0]
+        pending = first.data[first.sent :]
+        if len(self._rx) > 1:
+            pending += b"".join([segment.data for segment in self._rx[1:]])
         wanted = self.device.due(pending) or len(pending)
         if not first.step:
             return wanted, first.start
         # At most 20 ms of wire time at once, or the device would take a long frame on a slow line for a pause.
         count = min(wanted, len(first.data) - first.sent, max(1, int(0.020 / first.step)))
-        return count, first.end_of(first.sent + count)
+        return count, first.start + first.step * (first.sent + count)
 
     def _listen(self) -> None:
         """Hands the bytes that reached the device over, each request at the time of its last bit."""
-        now = self._present()
+        now = self.now
         while self._rx:
             count, when = self._hearing()
             if when > now + 0.000000001:
@@ -555,23 +561,24 @@ class Line(Cable):
     def _hand_over(self, data: bytes) -> None:
         """The same with bytes that take no time on the wire, and come alone."""
         device = self.device
-        behind = device.now != self._present()
+        behind = device.now != self.now
         while data:
             count = (device.together(data) if len(data) > 1 else 1) or len(data)
             part, data = data[:count], data[count:]
             if behind:
-                device.advance(max(device.now, self._present()))
+                device.advance(max(device.now, self.now))
             device.feed(part)
             self._collect()
             behind = True  # a request may have set something off
 
     def _collect(self) -> None:
         """Takes the replies of the device and puts those that are due on the wire."""
-        if replies := self.device.take():
-            for reply in sorted(replies, key=_due) if len(replies) > 1 else replies:
+        if self.device.replies:
+            replies = self.device.take()
+            for reply in sorted(replies, key=attrgetter("due")) if len(replies) > 1 else replies:
                 self._transmit(reply)
         if self._out:
-            self._dispatch(self._present())
+            self._dispatch(self.now)
         if self.device.dirty:
             self._persist()
 
@@ -603,7 +610,7 @@ class Line(Cable):
 
     def _send(self, due: float, data: bytes, hits: frozenset[str]) -> None:
         """Queues bytes as (gap before, seconds per byte, bytes) pieces."""
-        step = self._step()
+        step = self._step() if self._wire >= 0 else 0.0
         hang = "disconnect" in hits
         if hang:
             data = data[: len(data) // 2]
@@ -617,7 +624,7 @@ class Line(Cable):
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
         self._out.append((due, pieces, hang, self.device.speed, self._client_baud))
-        if len(self._out) > 1:
+        if len(self._out) > 1 and due < self._out[-2][0]:
             self._out.sort(key=lambda entry: entry[0])
 
     def _dispatch(self, now: float) -> None:

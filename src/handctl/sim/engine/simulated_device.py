@@ -6,6 +6,7 @@ Knows nothing of any wire format. Time is always passed in (seconds, monotone); 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import lru_cache
 from importlib import import_module
 from itertools import repeat
 
@@ -119,14 +120,15 @@ class Options:
 
     def read(self, rows: Rows) -> dict[str, Any]:
         """The values of these options, each by its form."""
-        return {name: self.value(name, form) for name, (form, _) in rows.items()}
+        raw = self.raw
+        return {name: self._given(name, form) if name in raw else _default(form) for name, (form, _) in rows.items()}
 
-    def value(self, name: str, form: Any) -> Any:
+    def _given(self, name: str, form: Any) -> Any:
         match form:
             case bool():
-                return self.choice(name, "01"[form], ("1", "0") if form else ("0", "1")) == "1"
+                return self.choice(name, "", ("1", "0") if form else ("0", "1")) == "1"
             case (default, tuple(words)):
-                return self.choice(name, default, words) if name in self.raw else default
+                return self.choice(name, default, words)
             case (str(), str(), *_):
                 return self.choice(name, form[0], form)
             case (str(default), int(low), int(high)):
@@ -144,6 +146,17 @@ class Options:
         if len(numbers) != default.count(",") + 1:
             raise ValueError(f"option {name}={text}: not {default.count(',') + 1} numbers, such as {default}")
         return tuple(numbers)
+
+
+@lru_cache(None)  # for each simulator anew, some forty of them
+def _default(form: Any) -> Any:
+    """The value of an option that is not given."""
+    match form:
+        case (str(default), int(), int()):
+            return tuple(map(int, default.split(",")))
+        case (default, *_):
+            return default
+    return form
 
 
 class Reply:
@@ -181,7 +194,7 @@ class Model:
         self.faults: frozenset[str] = NOTHING
         self.judge: Callable[[], frozenset[str]] = lambda: NOTHING  # asked once for each request that is understood
         self.hits_of: Callable[[int], frozenset[str]] = lambda _number: NOTHING  # the faults of the N-th, from 1
-        self._replies: list[Reply] = []
+        self.replies: list[Reply] = []  # made since the last `take`
 
     def boot(self, now: float) -> None:
         """The first moment of simulated time."""
@@ -206,8 +219,8 @@ class Model:
 
     def take(self) -> list[Reply]:
         """The replies made since the last call; some may be due in the future."""
-        if replies := self._replies:
-            self._replies = []
+        if replies := self.replies:
+            self.replies = []
         return replies
 
     def next_event(self) -> float | None:
@@ -223,7 +236,7 @@ class Model:
 
     def power(self, on: bool) -> None:
         self.powered = on
-        self._replies.clear()
+        self.replies.clear()
 
     def set_faults(self, faults: frozenset[str]) -> None:
         """The faults now present, those of the line included."""

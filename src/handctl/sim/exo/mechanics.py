@@ -8,7 +8,7 @@ in closed form from the time that passed, so a jump of virtual time gives the sa
 from __future__ import annotations
 
 from handctl.sim.engine.simulated_device import Random
-from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo, bounded
+from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo
 
 FINGERS = ("little", "ring", "middle", "index", "thumb")
 # Power-on values, all different so that a swapped finger is seen.
@@ -51,13 +51,6 @@ class Finger(Servo):
     @property
     def moving(self) -> bool:
         return self.target is not None and self.position != self.target and not self.blocked
-
-    @property
-    def rests(self) -> bool:
-        """Whether time changes nothing."""
-        goal = self.rest_force if self.force_goal is None else self.force_goal
-        arrived = (self.target is None or self.position == self.target) and not self.pressing
-        return arrived and self.force == goal and self.temperature == self.ambient
 
     def current(self) -> float:
         if self.target is None or self.position == self.target:
@@ -150,7 +143,9 @@ class Hand:
     def _run(self, seconds: float) -> None:
         if seconds > 0.0:
             for finger in self.both:
-                if not finger.rests:
+                goal = finger.rest_force if finger.force_goal is None else finger.force_goal
+                on_its_way = finger.target is not None and finger.position != finger.target
+                if on_its_way or finger.pressing or finger.force != goal or finger.degrees != finger.ambient:
                     finger.run(seconds)
 
     def _aim(self, pose: tuple[int, int, int, int, int, int]) -> None:
@@ -201,15 +196,15 @@ class Hand:
         return [round(finger.position) for finger in self.both]
 
     def forces(self) -> list[int]:
-        return [bounded(round(f.force) + self._noise(f, 2), -1000, 1000) for f in self.fingers]
+        return [max(-1000, min(1000, round(f.force) + self._noise(f, 2))) for f in self.fingers]
 
     def readings(self) -> list[tuple[str, list[int]]]:
         return [
             ("position", self.positions()),
             ("force", self.forces()),
-            ("current", [bounded(round(f.current()) + self._noise(f, 3), 0, 1000) for f in self.fingers]),
+            ("current", [max(0, min(1000, round(f.current()) + self._noise(f, 3))) for f in self.fingers]),
             ("error", [finger.error() for finger in self.fingers]),
-            ("temperature", [bounded(int(finger.temperature + 0.0001), 0, 100) for finger in self.fingers]),
+            ("temperature", [max(0, min(100, int(finger.degrees + 0.0001))) for finger in self.fingers]),
         ]
 
     def _noise(self, finger: Finger, width: int) -> int:

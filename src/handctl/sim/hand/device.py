@@ -235,7 +235,7 @@ class Device(Serial, Front):
         if pdu is not None:
             reply = rtu(number, pdu)
             self._asked = {reply: request}
-            self._replies.append(Reply(self.now + self.given["silence"], reply, hits))
+            self.replies.append(Reply(self.now + self.given["silence"], reply, hits))
 
     # -- faults that know the frame -----------------------------------------------------------------------------------------
 
@@ -382,7 +382,7 @@ class TcpDevice(Front):
             number = (number - 1) % 65536
         reply = struct.pack(">HHHB", number, 0, len(pdu) + 1, request[6]) + pdu
         self._asked = {reply: request[7:]}
-        self._replies.append(Reply(self.now, reply, hits))
+        self.replies.append(Reply(self.now, reply, hits))
 
     # -- faults that know the frame -----------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from copy import copy
 
 from handctl.sim.engine.simulated_device import Random
 from handctl.sim.hand.register_maps import Generation
-from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo, bounded
+from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, OVER_CURRENT, OVER_TEMPERATURE, Servo
 
 OPENING, CLOSING, ARRIVED, FORCE_REACHED, PROTECTED, LOCKED, FAULTY, EMERGENCY = 0, 1, 2, 3, 5, 6, 7, 8  # status
 DRIVE_CURRENT = 150.0  # mA more than at rest while a finger moves (100 to 194 were measured, dossier §6)
@@ -95,13 +95,14 @@ class Finger(Servo):
         return STIFFNESS * depth
 
     def current(self) -> float:
-        if self.driven and self.blocked:
+        driven = self.driven
+        if driven and self.blocked:
             return self.rest_current + STALL_CURRENT * min(1.0, self.pressing / STALL_TIME)
-        return self.rest_current + self._rise()
+        return self.rest_current + self._rise(driven)
 
-    def _rise(self) -> float:
+    def _rise(self, driven: bool) -> float:
         """mA above rest, but against an obstacle."""
-        return (DRIVE_CURRENT if self.moving else 0.0) + HOLDING * self.pressed()
+        return (DRIVE_CURRENT if driven else 0.0) + HOLDING * self.pressed()
 
     def error(self) -> int:
         """The error byte; that of heat follows the temperature, or is what is left of one that is gone."""
@@ -178,21 +179,22 @@ class Finger(Servo):
         if self.object is None and (self.goal is None or self.goal == self.angle):
             self.warm(seconds, 0.0)
             return
-        if self.driven and self.blocked:
+        driven = self.driven
+        if driven and self.blocked:
             self._press(seconds)
-        elif self.moving and self.goal is not None:
+        elif driven and self.goal is not None:
             way = abs(self.goal - self.angle) / self.pace
             part = min(seconds, way)
-            self.warm(part, self._rise())
+            self.warm(part, self._rise(driven))
             self.stroke += (self.stroke_goal - self.stroke) * part / way
             if way <= seconds + 0.000000001:
                 self.angle = self.goal
                 self._arrive()
             else:
                 self.angle += (self.goal - self.angle) * part / way
-            self.warm(seconds - part, self._rise())
+            self.warm(seconds - part, self._rise(self.driven))
         else:
-            self.warm(seconds, self._rise())
+            self.warm(seconds, self._rise(driven))
         if self.halted and self.goal is not None:
             self._forget()
             self.state = ARRIVED
@@ -244,22 +246,21 @@ class Body:
 
     def advance(self, now: float) -> None:
         while (event := self.next_event()) is not None and event <= now:
-            self._run(event - self.now)
-            self.now = max(self.now, event)
+            self._run(event)
             if self.course and self.course[0][0] <= event:
                 self._pose(self.course.pop(0)[1])
             for finger in self.fingers:
                 while finger.waiting and finger.waiting[0][0] <= event:
                     finger.aim(finger.waiting.pop(0)[1])
-        self._run(now - self.now)
-        self.now = max(self.now, now)
+        self._run(now)
 
-    def _run(self, seconds: float) -> None:
-        if seconds > 0.0:
+    def _run(self, now: float) -> None:
+        if now > self.now:
             for finger in self.fingers:
                 at_rest = finger.object is None and (finger.goal is None or finger.goal == finger.angle)
-                if not at_rest or finger.temperature != finger.ambient:
-                    finger.run(seconds)
+                if not at_rest or finger.degrees != finger.ambient:
+                    finger.run(now - self.now)
+            self.now = now
 
     def next_event(self) -> float | None:
         """When a command reaches its motor, or the next pose of a calibration begins."""
@@ -334,18 +335,16 @@ class Body:
         """Those of each word; of a `foreign` hand no angle can be."""
         fingers = self.fingers
         angles = range(3000, 3000 + len(fingers)) if foreign else [round(finger.angle) for finger in fingers]
-        forces = [finger.rest_force + round(finger.pressed()) + self._noise(finger, 2) for finger in fingers]
-        currents = [round(finger.current()) + self._noise(finger, 3) for finger in fingers]
+        each = [(finger, self.jitter is not None and (self.jitter or finger.moving)) for finger in fingers]
+        between = self.random.between
+        forces = [f.rest_force + round(f.pressed()) + (between(-2, 2) if shakes else 0) for f, shakes in each]
+        currents = [round(f.current()) + (between(-3, 3) if shakes else 0) for f, shakes in each]
         return [
             ("stroke", [round(finger.stroke) for finger in fingers]),
             ("angle", list(angles)),
-            ("force", [bounded(force, -32768, 32767) for force in forces]),
-            ("current", [bounded(current, -32768, 32767) for current in currents]),
+            ("force", [max(-32768, min(32767, force)) for force in forces]),
+            ("current", [max(-32768, min(32767, current)) for current in currents]),
             ("error", [finger.error() for finger in fingers]),
             ("status", [finger.status() for finger in fingers]),
-            ("temperature", [bounded(int(finger.temperature + 0.0001), 0, 255) for finger in fingers]),
+            ("temperature", [max(0, min(255, int(finger.degrees + 0.0001))) for finger in fingers]),
         ]
-
-    def _noise(self, finger: Finger, width: int) -> int:
-        noisy = self.jitter is not None and (self.jitter or finger.moving)
-        return self.random.between(-width, width) if noisy else 0

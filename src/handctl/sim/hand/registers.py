@@ -357,13 +357,14 @@ class Hand:
         self.body.jitters()
         for word, values in self.body.readings("foreign" in self.faults):
             self.space.put(word, values)
-        presses = [finger.pressed() for finger in self.body.fingers]
-        if "tactile" in self.space.row:
+        row = self.space.row
+        presses = [finger.pressed() for finger in self.body.fingers if "tactile" in row or "touch" in row]
+        if "tactile" in row:
             dead, saturated = "tactile-dead" in self.faults, "tactile-saturated" in self.faults
             if self.felt != (felt := (presses, dead, saturated)):
                 self.space.put("tactile", skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
                 self.felt = felt
-        elif "touch" in self.space.row:
+        elif presses:
             self.space.put("touch", touched(presses))
 
 

@@ -41,18 +41,18 @@ class Servo:
     @property
     def temperature(self) -> float:
         """Heated or cooled at once, it drifts from there to where it settles."""
-        return self._temperature
+        return self.degrees
 
     @temperature.setter
     def temperature(self, degrees: float) -> None:
-        self._temperature = degrees
+        self.degrees = degrees  # for those who read it, often
         self._check_heat()
 
     def warm(self, seconds: float, rise: float) -> None:
         """Lets time pass at a current that is `rise` mA above rest."""
         settled = self.ambient + HEATING * rise
-        if self.temperature != settled:
-            self.temperature = settled + (self.temperature - settled) * EULER ** (-seconds / SETTLING)
+        if self.degrees != settled:
+            self.temperature = settled + (self.degrees - settled) * EULER ** (-seconds / SETTLING)
 
     def error(self) -> int:
         """The error byte. Bit 1 follows the temperature alone (exo §2.3.3 note)."""
@@ -77,7 +77,7 @@ class Servo:
         self.ambient = self.at_rest
 
     def _check_heat(self) -> None:
-        self.hot = self.temperature >= self.limit or (self.hot and self.temperature > self.limit - COOLER)
+        self.hot = self.degrees >= self.limit or (self.hot and self.degrees > self.limit - COOLER)
 
 
 def apply_faults(
@@ -109,7 +109,3 @@ def start_hot(servos: Sequence[Servo], faults: frozenset[str]) -> None:
     """Behind a power-on: with the fault "hot" all begin above the limit."""
     for number, servo in enumerate(servos) if "hot" in faults else ():
         servo.temperature = servo.limit + 1.0 + number
-
-
-def bounded(value: int, low: int, high: int) -> int:
-    return max(low, min(high, value))

@@ -156,13 +156,13 @@ class Serial(Asked):
         hits = self.judge()
         if "deaf" in hits or self.busy:
             return hits
-        flag, sender, before = request[4], self.id, len(self._replies)
+        flag, sender, before = request[4], self.id, len(self.replies)
         answer = self.answer(flag, request[5:-1], hits)
         if answer is not None:
             # An id change acts at once: the ack comes from the new id already (RH56), or from the old one (ack-id).
             # Ahead of what the request itself set off, a late frame that may be due at once.
             number = sender if self.given["ack-id"] == "old" else self.id
-            self._replies.insert(before, Reply(self.now, frame(number, flag, answer), hits))
+            self.replies.insert(before, Reply(self.now, frame(number, flag, answer), hits))
         return hits
 
     def answer(self, flag: int, body: bytes, hits: frozenset[str]) -> bytes | None:
@@ -188,7 +188,7 @@ class Serial(Asked):
 
     def _tell(self, when: float, flag: int, body: bytes, hits: frozenset[str]) -> None:
         if "no-late-frames" not in self.faults:
-            self._replies.append(Reply(when, frame(self.id, flag, body), hits))
+            self.replies.append(Reply(when, frame(self.id, flag, body), hits))
 
     def readdress(self, data: bytes) -> bytes:
         return frame(data[2] % 254 + 1, data[4], data[5:-1])
@@ -242,7 +242,7 @@ class Can(Asked):
         else:
             answer = self.read(space, address * self.unit, body[0])
         if answer is not None:
-            self._replies.append(Reply(self.now, struct.pack(">I", self.replying(identifier, answer)) + answer, hits))
+            self.replies.append(Reply(self.now, struct.pack(">I", self.replying(identifier, answer)) + answer, hits))
 
     def possible(self, flag: int, identifier: int, body: bytes) -> bool:
         """A read has one data byte, a count of 1 to 8; a write has 1 to 8 (wrist §2.3.1, §2.3.2). Else silence."""

@@ -15,7 +15,7 @@ from handctl.sim.engine.simulated_device import Options, Random
 from handctl.sim.hand import register_maps
 from handctl.sim.hand.registers import OPTIONS as OF_HAND
 from handctl.sim.hand.registers import Hand
-from handctl.sim.inspire.actuator_faults import apply_faults, bounded, fault_help, start_hot
+from handctl.sim.inspire.actuator_faults import apply_faults, fault_help, start_hot
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Asked, Can, Serial
 from handctl.sim.inspire.memory import Element, Space
 from handctl.sim.wrist.mechanics import PITCH, YAW, Body
@@ -241,7 +241,7 @@ class Module(Asked):
         put("current-2", body.currents()[::-1])
         for number, actuator in enumerate(body.actuators, 1):
             put(f"error-{number}", [actuator.error()])
-        put("temperature-1", [bounded(int(actuator.temperature + 0.0001), 0, 255) for actuator in body.actuators])
+        put("temperature-1", [max(0, min(255, int(actuator.degrees + 0.0001))) for actuator in body.actuators])
 
 
 # -- wires -----------------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ Which actuator drives which axis is not said; here both work for either, so a st
 from __future__ import annotations
 
 from handctl.sim.engine.simulated_device import Random
-from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo, bounded
+from handctl.sim.inspire.actuator_faults import CLEARABLE, LOCKED_ROTOR, Servo
 
 PITCH, YAW = 0, 1
 AXES = ("pitch", "yaw")
@@ -103,16 +103,20 @@ class Body:
         for actuator in self.actuators:
             actuator.errors &= ~CLEARABLE
 
-    def _away(self, axis: int) -> bool:
-        return self.targets[axis] is not None and self.targets[axis] != self.angles[axis]
+    def _away(self, blocked: bool) -> bool:
+        """Whether an axis is not where it was told to go, and cannot go there (`blocked`), or can."""
+        for axis in (PITCH, YAW):
+            if self.blocked[axis] == blocked and self.targets[axis] not in (None, self.angles[axis]):
+                return True
+        return False
 
     @property
     def moving(self) -> bool:
-        return any(self._away(axis) and not self.blocked[axis] for axis in (PITCH, YAW))
+        return self._away(False)
 
     @property
     def stalled(self) -> bool:
-        return any(self._away(axis) and self.blocked[axis] for axis in (PITCH, YAW))
+        return self._away(True)
 
     def advance(self, now: float) -> None:
         seconds = now - self.now
@@ -126,9 +130,10 @@ class Body:
 
     def _run(self, seconds: float) -> None:
         """Lets time pass that holds at most one arrival, at its end."""
+        stalled = self.stalled
         for actuator in self.actuators:
-            actuator.warm(seconds, STALL_CURRENT - actuator.rest_current if self.stalled else self._rise(actuator))
-        self.pressing = self.pressing + seconds if self.stalled else 0.0
+            actuator.warm(seconds, STALL_CURRENT - actuator.rest_current if stalled else self._rise(actuator))
+        self.pressing = self.pressing + seconds if stalled else 0.0
         if self.pressing >= STALL_TIME:
             for actuator in self.actuators:
                 actuator.errors |= LOCKED_ROTOR
@@ -157,7 +162,6 @@ class Body:
     def currents(self) -> list[int]:
         """Of actuators #1 and #2, mA."""
         noisy = self.jitter or self.moving
-        return [
-            bounded(round(a.rest_current + self._rise(a)) + (self.random.between(-3, 3) if noisy else 0), -32768, 32767)
-            for a in self.actuators
-        ]
+        noise = [self.random.between(-3, 3) if noisy else 0 for _ in self.actuators]
+        shown = [round(a.rest_current + self._rise(a)) + more for a, more in zip(self.actuators, noise, strict=True)]
+        return [max(-32768, min(32767, current)) for current in shown]

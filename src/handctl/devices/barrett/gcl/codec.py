@@ -171,7 +171,7 @@ def motors_of(prefix: str) -> list[str]:
 
 def encode(command: str) -> bytes:
     """A command as it goes out: upper case is left to the caller; printable ASCII, no CR in it. Raises UsageError."""
-    if not command.isascii() or any(not 32 <= ord(letter) < 127 for letter in command):
+    if not (command.isascii() and command.isprintable()):
         raise UsageError(
             f"{command!r} contains characters that are not allowed in a GCL command",
             hint="use printable ASCII only (barrett §5.1.1)",

@@ -299,7 +299,8 @@ class GclLine(Line):
             if not chunk:
                 raise self._failure(command, decoder, since)
             whole.renew()
-            echo.renew()
+            if not decoder.echoed:
+                echo.renew()
             decoder.feed(chunk)
             self._judge_restart(command, decoder, chunk, whole)
 
@@ -483,9 +484,11 @@ class GclLine(Line):
             if not chunk:
                 break
             came += chunk
-            if has_prompt(came):
+            ended = has_prompt(came)
+            if ended:
                 came += self._blank(not came.endswith(b" "))
-            if has_prompt(came) or len(came) > 65536:
+                ended = has_prompt(came)
+            if ended or len(came) > 65536:
                 break
         return bytes(came)
 
@@ -516,13 +519,13 @@ class IdleTimeout:
     def __init__(self, link: ByteLink, seconds: float, bound: Deadline | None) -> None:
         self._link = link
         self._seconds = seconds
-        self._last = link.deadline(LONGEST * seconds).earlier(bound)
-        self.deadline = self._last
+        self._last = link.deadline(LONGEST * seconds).earlier(bound).at
         self.renew()
 
     def renew(self) -> None:
         """Something came."""
-        self.deadline = self._link.deadline(self._seconds).earlier(self._last)
+        now = self._link.now
+        self.deadline = Deadline(now, min(now() + self._seconds, self._last))
 
 
 class Restarted(ProtocolError):

@@ -25,7 +25,7 @@ from handctl.devices.barrett.gcl.status_codes import NOT_INITIALIZED
 from handctl.devices.barrett.maintenance import health_limits, lubrication, strain_gauges
 from handctl.devices.barrett.maintenance.health_limits import Finding, verdict
 from handctl.devices.barrett.maintenance.symptoms import SYMPTOMS, Symptom, like
-from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, NO_GAUGE, OFF, standard, travel_seconds
+from handctl.devices.barrett.parameter_map import BARRETT, FINGERS, NO_GAUGE, OFF, gcl_name, standard, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import CHECKED
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER
 from handctl.errors import (
@@ -86,11 +86,13 @@ class ExaminedHand:
         """Parameters of all motors, all of them without names."""
         found = Values()
         for reading in self.hand.read(BARRETT.elements(*(names or (param.mnemonic for param in standard())))):
-            name = str(self.hand.row(reading)["parameter"])
+            name = gcl_name(reading.element)
             if reading.error is not None:
                 found.errors[name] = reading.error
             else:
-                found[name, reading.element.part] = int(reading.value or 0)
+                value = reading.value or 0
+                self.hand.keep_facts(reading.element.param, value)
+                found[name, reading.element.part] = int(value)
         return found
 
 
