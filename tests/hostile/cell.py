@@ -125,7 +125,7 @@ def _status(name: str) -> int:
 
 def harmless(text: str, keep: str = "\n") -> bool:
     """Whether no character of it acts on a terminal."""
-    return text.isprintable() or all(letter.isprintable() or letter in keep for letter in COLOUR.sub("", text))
+    return text.isprintable() or all(one.isprintable() or one in keep for one in set(COLOUR.sub("", text)))
 
 
 def _acting(text: str, keep: str) -> str:

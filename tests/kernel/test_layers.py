@@ -220,15 +220,13 @@ def tree_of(module: str) -> ast.Module:
 
 
 def statements(node: ast.AST, types_only: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
-    for child in ast.iter_child_nodes(node):
+    for child in syntax.below(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, types_only
         elif isinstance(child, ast.If) and types_alone(child.test):
-            for inner in child.body:
-                yield from statements(ast.Module([inner], []), True)
-            for inner in child.orelse:
-                yield from statements(ast.Module([inner], []), types_only)
-        elif not isinstance(child, ast.expr):
+            yield from statements(ast.Module(child.body, []), True)
+            yield from statements(ast.Module(child.orelse, []), types_only)
+        else:
             yield from statements(child, types_only)
 
 

@@ -37,6 +37,7 @@ SETTLE = 5.0
 """Virtual seconds after which what a command set going has arrived."""
 WARM = ("temperature", "heat", "odometer", "counts", "acts[", "feedback[")
 """Parts of a device that depend on how long everything took."""
+IS_WARM = re.compile("|".join(map(re.escape, WARM))).search
 PASSING = ("file", "link", "port", "answer", "suspicion")
 """Keys of a row that are of one run."""
 CODES = {0, 2, 3, 4, 5, 6, 7}
@@ -193,7 +194,7 @@ def at_rest(family: str, link: str) -> dict[str, Any]:
 
 def lasting(held: dict[str, Any]) -> dict[str, Any]:
     """Without what goes its own way."""
-    return {place: value for place, value in held.items() if not any(word in place for word in WARM)}
+    return {place: value for place, value in held.items() if not IS_WARM(place)}
 
 
 def differing(held: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
@@ -329,7 +330,8 @@ def complete(cell: Cell, fault: str, *, line: bool) -> None:
     if not line or cell.row.kind == "stream":
         return
     if cell.row.kind not in ("raw", "gcl", "reset"):  # these show whatever comes, an echo too
-        wrong = {key: value for key, value in wanted.said.items() if command_line(cell).get(key) != value}
+        shown = command_line(cell)
+        wrong = {key: value for key, value in wanted.said.items() if shown.get(key) != value}
         assert not wrong, (wrong, cell)
     if wanted.held and (held := cell.held):
         found = {place: held_at(held, place) for place in wanted.held}

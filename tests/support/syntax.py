@@ -44,3 +44,22 @@ def walk(node: ast.AST) -> list[ast.AST]:
 def _parts(kind: type[ast.AST]) -> tuple[str, ...]:
     """The fields that may hold a node."""
     return () if kind is ast.Constant else tuple(name for name in kind._fields if name not in ("ctx", "id", "attr"))
+
+
+def below(node: ast.AST) -> list[ast.AST]:
+    """The statements right below one, and the clauses of `try` and `match` that hold some: an expression holds none."""
+    return [child for name in _blocks(type(node)) for child in getattr(node, name)]
+
+
+def statements(node: ast.AST) -> list[ast.AST]:
+    """All of them below a node."""
+    found = below(node)
+    for one in found:  # it grows meanwhile
+        found += below(one)
+    return found
+
+
+@cache
+def _blocks(kind: type[ast.AST]) -> tuple[str, ...]:
+    """The fields that hold statements."""
+    return tuple(name for name in kind._fields if name in ("body", "handlers", "orelse", "finalbody", "cases"))
