@@ -6,6 +6,7 @@ import ast
 import gc
 from functools import cache
 from pathlib import Path
+from typing import Any, TypeVar
 
 
 @cache
@@ -25,6 +26,22 @@ def tree_of(path: Path) -> ast.Module:
 def nodes_of(path: Path) -> tuple[ast.AST, ...]:
     """All of it in the order of `ast.walk`: what is around something comes before it."""
     return tuple(walk(tree_of(path)))
+
+
+Node = TypeVar("Node", bound=ast.AST)
+
+
+def nodes_of_kind(path: Path, *kinds: type[Node]) -> list[Node]:
+    """Those of these classes, one class behind the other: most tests look for a few."""
+    return [node for kind in kinds for node in _by_kind(path).get(kind, ())]
+
+
+@cache
+def _by_kind(path: Path) -> dict[type[ast.AST], list[Any]]:
+    found: dict[type[ast.AST], list[Any]] = {}
+    for node in nodes_of(path):
+        found.setdefault(type(node), []).append(node)
+    return found
 
 
 def walk(node: ast.AST) -> list[ast.AST]:
