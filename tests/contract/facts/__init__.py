@@ -49,6 +49,9 @@ class Waiting(NamedTuple):
     goes: bool = True
 
 
+HERE = Path()
+
+
 @dataclass(frozen=True)
 class Facts:
     """One family.
@@ -127,7 +130,8 @@ class Facts:
     def words(self, command: str, folder: Path) -> list[str]:
         """The arguments of a command, with the files of `folder` in place."""
         text = self.writes.get(command, self.reads.get(command, ""))
-        files = {kind: f"{folder}{os.sep}{kind}.json" for kind in FAMILIES}
+        below = "" if folder == HERE else f"{folder}{os.sep}"
+        files = {kind: f"{below}{kind}.json" for kind in FAMILIES}
         return [word.format(dir=folder, **files).replace("§", " ") for word in text.split()]
 
     def placed(self, line: Any) -> list[float]:
