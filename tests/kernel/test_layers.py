@@ -283,6 +283,7 @@ def fits(found: Import, pattern: str) -> bool:
     return pattern == "@" or sans_io(found.target)
 
 
+@cache
 def sans_io(module: str) -> bool:
     """A map, or a module that says so of itself."""
     if module.rpartition(".")[2] in ("parameter_map", "register_map"):
