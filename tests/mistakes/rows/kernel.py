@@ -279,8 +279,8 @@ ROWS = (
         "escapes let through",
         FILTER,
         "shown",
-        'return text.translate({ord(one): _spelled(one) for one in set(text) if not (one.isprintable() or one in keep)})',
-        'return text.translate({ord(one): _spelled(one) for one in set(text) if not (one.isprintable() or one in keep or one == chr(27))})',
+        "return text.translate({ord(one): _spelled(one) for one in set(text) if not (one.isprintable() or one in keep)})",
+        "return text.translate({ord(one): _spelled(one) for one in set(text) if not (one.isprintable() or one in keep or one == chr(27))})",
         "tests/kernel/test_sanitize.py::test_what_is_text_stays",
     ),
     mistake(
