@@ -10,7 +10,7 @@ import importlib
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from fnmatch import fnmatch
+from fnmatch import fnmatchcase
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -277,7 +277,7 @@ def family_of(module: str) -> str | None:
 def fits(found: Import, pattern: str) -> bool:
     """Whether a target fits a pattern; `@` stands for the importer's own family."""
     if not pattern.startswith("@"):
-        return fnmatch(found.target, pattern)
+        return fnmatchcase(found.target, pattern)
     if family_of(found.module) is None or family_of(found.target) != family_of(found.module):
         return False
     return pattern == "@" or sans_io(found.target)
@@ -297,7 +297,7 @@ def allowed(found: Import) -> bool:
     if family_of(found.module) and sans_io(found.module):
         return any(fits(found, target) for target in PURE)
     for pattern, targets in RULES:
-        if fnmatch(found.module, pattern):
+        if fnmatchcase(found.module, pattern):
             return any(fits(found, target) for target in targets)
     return found.target == ""
 
@@ -462,7 +462,7 @@ def test_no_import_is_relative_and_none_takes_all() -> None:
 @each_row(("package", "modules"), OUTSIDE)
 def test_only_these_import(package: str, modules: tuple[str, ...]) -> None:
     users = {found.module for found in imports() if found.target.split(".")[0] == package and not found.types_only}
-    assert [user for user in sorted(users) if not any(fnmatch(user, module) for module in modules)] == []
+    assert [user for user in sorted(users) if not any(fnmatchcase(user, module) for module in modules)] == []
 
 
 def test_nothing_else_is_imported() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import gc
+from collections import defaultdict
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
@@ -38,9 +39,9 @@ def nodes_of_kind(path: Path, *kinds: type[Node]) -> list[Node]:
 
 @cache
 def _by_kind(path: Path) -> dict[type[ast.AST], list[Any]]:
-    found: dict[type[ast.AST], list[Any]] = {}
+    found: dict[type[ast.AST], list[Any]] = defaultdict(list)
     for node in nodes_of(path):
-        found.setdefault(type(node), []).append(node)
+        found[type(node)].append(node)
     return found
 
 
