@@ -361,7 +361,7 @@ def state_path(name: str) -> Path:
 
     from handctl.system.user_folders import STATE, user_folder
 
-    return Path(user_folder(STATE)) / "handctl" / name
+    return Path(user_folder(STATE), "handctl", name)
 
 
 # -- text that may be longer than memory ------------------------------------------------------------------------------

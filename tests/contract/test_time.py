@@ -26,9 +26,9 @@ NEEDED: dict[str, dict[str, Any]] = {
     "fingertips": {"live": True},
     "tactile": {"watch": True},
 }
-DURATION = 0.1
-MOST = 1000
-"""Samples of a tenth of a second: a line that answers 10,000 times a second is none."""
+DURATION = 0.05
+MOST = 500
+"""Samples of a twentieth of a second: a line that answers 10,000 times a second is none."""
 
 
 def bounded() -> Iterator[tuple[str, Method, dict[str, str], bool]]:
@@ -51,7 +51,7 @@ def opened(family: str, wire: dict[str, str], *, timed: bool) -> Device:
 def test_a_duration_ends(case: tuple[str, Method, dict[str, str], bool], tmp_path: Path, monkeypatch: Any) -> None:
     family, method, wire, timed = case
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("handctl.link.fake.STANDSTILL", 50)  # sooner than otherwise
+    monkeypatch.setattr("handctl.link.fake.STANDSTILL", 25)  # sooner than otherwise
     more = {"duration": DURATION, **NEEDED.get(method.words, {})}
     if any(argument.name == "rate" for argument in method.arguments):
         more["rate"] = 0

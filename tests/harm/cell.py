@@ -142,6 +142,10 @@ def fingerprint(line: Any) -> dict[str, Any]:
     return found
 
 
+SCALARS = frozenset({type(None), bool, int, float, str, bytes})
+"""Nearly all fields are of these: they are put down where they are met."""
+
+
 def _fields(value: Any, path: str, found: dict[str, Any], seen: set[int]) -> None:
     match value:
         case None | bool() | int() | float() | str() | bytes():
@@ -156,7 +160,10 @@ def _fields(value: Any, path: str, found: dict[str, Any], seen: set[int]) -> Non
         case list() | tuple():
             found[f"{path}#"] = len(value)
             for number, item in enumerate(value):
-                _fields(item, f"{path}[{number}]", found, seen)
+                if type(item) in SCALARS:
+                    found[f"{path}[{number}]"] = item
+                else:
+                    _fields(item, f"{path}[{number}]", found, seen)
         case set() | frozenset():
             found[path] = sorted(map(str, value))
         case _ if type(value).__module__.startswith(("handctl.sim", "tests.")) and id(value) not in seen:
@@ -166,8 +173,13 @@ def _fields(value: Any, path: str, found: dict[str, Any], seen: set[int]) -> Non
                 *(n for t in type(value).__mro__ for n in getattr(t, "__slots__", ())),
             ]
             for name in names:
-                if name not in EARS and name != "mishear":
-                    _fields(getattr(value, name, None), f"{path}.{name}", found, seen)
+                if name in EARS or name == "mishear":
+                    continue
+                item = getattr(value, name, None)
+                if type(item) in SCALARS:
+                    found[f"{path}.{name}"] = item
+                else:
+                    _fields(item, f"{path}.{name}", found, seen)
 
 
 def changes(line: Any, twin: Any) -> list[str]:

@@ -15,7 +15,7 @@ import shutil
 import signal
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -59,8 +59,17 @@ class Folder:
         self.path = path
         self._kept = self._contents()
 
-    def _contents(self) -> dict[Path, str]:
-        return {one: _digest(one) for one in sorted(self.path.rglob("*")) if not one.is_dir() or one.is_symlink()}
+    def _contents(self) -> dict[str, str]:
+        found: dict[str, str] = {}
+        folders = [str(self.path)]
+        for folder in folders:  # it grows meanwhile
+            with suppress(PermissionError), os.scandir(folder) as entries:
+                for one in entries:
+                    if one.is_dir(follow_symlinks=False):
+                        folders.append(one.path)
+                    else:
+                        found[one.path] = _digest(one)
+        return dict(sorted(found.items()))
 
     def keep(self) -> None:
         """What is there now is an input, too."""
@@ -82,20 +91,23 @@ class Folder:
         wrong, now = "", self._contents()
         for one, digest in self._kept.items():
             if now.get(one) != digest:
-                wrong = wrong or f"{one.name}: an input was {'changed' if one in now else 'removed'}"
-        new = [one for one in now if one not in self._kept]
-        self._kept = {one: digest for one, digest in now.items() if one not in new}
+                wrong = wrong or f"{os.path.basename(one)}: an input was {'changed' if one in now else 'removed'}"
+        new = [Path(one) for one in now if one not in self._kept]
+        self._kept = {one: digest for one, digest in now.items() if one in self._kept}
         left = [one.name for one in new if one.suffix in (".part", ".tmp")]
         return wrong or (f"left behind: {', '.join(left)}" if left else ""), new
 
 
-def _digest(path: Path) -> str:
-    info = os.lstat(path)
+def _digest(one: os.DirEntry[str]) -> str:
+    info = one.stat(follow_symlinks=False)
     if stat.S_ISLNK(info.st_mode):
-        return os.readlink(path)
+        return os.readlink(one)
     if not stat.S_ISREG(info.st_mode):
         return str(stat.S_IFMT(info.st_mode))
-    return hashlib.sha256(path.read_bytes()).hexdigest() if info.st_size < MEMORY else str(info.st_size)
+    if info.st_size >= MEMORY:
+        return str(info.st_size)
+    with open(one, "rb", buffering=0) as file:
+        return hashlib.sha256(file.readall()).hexdigest()
 
 
 @contextmanager
@@ -125,7 +137,7 @@ def _status(name: str) -> int:
 
 def harmless(text: str, keep: str = "\n") -> bool:
     """Whether no character of it acts on a terminal."""
-    return text.isprintable() or all(letter.isprintable() or letter in keep for letter in COLOUR.sub("", text))
+    return text.isprintable() or all(one.isprintable() or one in keep for one in set(COLOUR.sub("", text)))
 
 
 def _acting(text: str, keep: str) -> str:

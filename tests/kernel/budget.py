@@ -15,14 +15,13 @@ import re
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import handctl
 from tests.support.places import PROJECT
-from tests.support.syntax import tree_of
+from tests.support.syntax import statements, tree_of
 
 SRC = PROJECT / "src/handctl"
 RUN = Path(handctl.__file__).parent
@@ -40,20 +39,12 @@ def code_lines(text: str, tree: ast.Module | None = None) -> int:
     """Lines that hold code: neither blank, nor a comment, nor part of a docstring."""
     docstrings = {
         number
-        for node in _statements(tree or ast.parse(text))
+        for node in statements(tree or ast.parse(text))
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
         for number in range(node.lineno, (node.end_lineno or node.lineno) + 1)
     }
     lines = map(str.strip, text.splitlines())
     return sum(bool(line) and not line.startswith("#") and at not in docstrings for at, line in enumerate(lines, 1))
-
-
-def _statements(node: ast.AST) -> Iterator[ast.AST]:
-    """Those below a node: an expression has none."""
-    for child in ast.iter_child_nodes(node):
-        if not isinstance(child, ast.expr):
-            yield child
-            yield from _statements(child)
 
 
 def sizes() -> Budget:

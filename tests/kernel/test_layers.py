@@ -10,7 +10,7 @@ import importlib
 import re
 import sys
 from collections.abc import Iterable, Iterator
-from fnmatch import fnmatch
+from fnmatch import fnmatchcase
 from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -220,15 +220,13 @@ def tree_of(module: str) -> ast.Module:
 
 
 def statements(node: ast.AST, types_only: bool = False) -> Iterator[tuple[ast.Import | ast.ImportFrom, bool]]:
-    for child in ast.iter_child_nodes(node):
+    for child in syntax.below(node):
         if isinstance(child, ast.Import | ast.ImportFrom):
             yield child, types_only
         elif isinstance(child, ast.If) and types_alone(child.test):
-            for inner in child.body:
-                yield from statements(ast.Module([inner], []), True)
-            for inner in child.orelse:
-                yield from statements(ast.Module([inner], []), types_only)
-        elif not isinstance(child, ast.expr):
+            yield from statements(ast.Module(child.body, []), True)
+            yield from statements(ast.Module(child.orelse, []), types_only)
+        else:
             yield from statements(child, types_only)
 
 
@@ -279,12 +277,13 @@ def family_of(module: str) -> str | None:
 def fits(found: Import, pattern: str) -> bool:
     """Whether a target fits a pattern; `@` stands for the importer's own family."""
     if not pattern.startswith("@"):
-        return fnmatch(found.target, pattern)
+        return fnmatchcase(found.target, pattern)
     if family_of(found.module) is None or family_of(found.target) != family_of(found.module):
         return False
     return pattern == "@" or sans_io(found.target)
 
 
+@cache
 def sans_io(module: str) -> bool:
     """A map, or a module that says so of itself."""
     if module.rpartition(".")[2] in ("parameter_map", "register_map"):
@@ -298,7 +297,7 @@ def allowed(found: Import) -> bool:
     if family_of(found.module) and sans_io(found.module):
         return any(fits(found, target) for target in PURE)
     for pattern, targets in RULES:
-        if fnmatch(found.module, pattern):
+        if fnmatchcase(found.module, pattern):
             return any(fits(found, target) for target in targets)
     return found.target == ""
 
@@ -409,7 +408,7 @@ def test_families_are_data_and_their_modules_exist() -> None:
 
 def names_of_families(module: str) -> set[str]:
     """The families that a module names as a whole string, docstrings and sentences aside."""
-    return {node.value for node in syntax.nodes_of(MODULES[module]) if isinstance(node, ast.Constant)} & set(FAMILIES)
+    return {node.value for node in syntax.nodes_of_kind(MODULES[module], ast.Constant)} & set(FAMILIES)
 
 
 @each_row("module", [name for name in MODULES if not name.startswith("devices.") and name != "families"])
@@ -463,7 +462,7 @@ def test_no_import_is_relative_and_none_takes_all() -> None:
 @each_row(("package", "modules"), OUTSIDE)
 def test_only_these_import(package: str, modules: tuple[str, ...]) -> None:
     users = {found.module for found in imports() if found.target.split(".")[0] == package and not found.types_only}
-    assert [user for user in sorted(users) if not any(fnmatch(user, module) for module in modules)] == []
+    assert [user for user in sorted(users) if not any(fnmatchcase(user, module) for module in modules)] == []
 
 
 def test_nothing_else_is_imported() -> None:
@@ -503,8 +502,8 @@ def test_codecs_and_maps_do_no_io(module: str) -> None:
 def calls_of(module: str, names: set[str]) -> list[str]:
     return [
         f"{module}:{node.lineno} {node.func.id}"
-        for node in syntax.nodes_of(MODULES[module])
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names
+        for node in syntax.nodes_of_kind(MODULES[module], ast.Call)
+        if isinstance(node.func, ast.Name) and node.func.id in names
     ]
 
 
@@ -559,7 +558,12 @@ def asks_for_the_system(tree: ast.AST, nodes: Iterable[ast.AST]) -> list[str]:
 
 
 def test_only_one_room_knows_which_system_it_is() -> None:
-    asking = {module for module in MODULES if asks_for_the_system(tree_of(module), syntax.nodes_of(MODULES[module]))}
+    asks = (ast.Attribute, ast.Call, ast.ImportFrom)
+    asking = {
+        module
+        for module, path in MODULES.items()
+        if asks_for_the_system(tree_of(module), syntax.nodes_of_kind(path, *asks))
+    }
     assert {module for module in asking if module.split(".")[0] != "system"} == {"build_zipapp"} & asking
     assert {"system.clock", "system.file_locks", "system.serial_ports", "system.signals"} <= asking
 

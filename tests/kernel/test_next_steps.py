@@ -19,7 +19,7 @@ from handctl.model.check_rows import FAIL, Check
 from handctl.model.device_picture import remedies_of
 from handctl.model.result import Message
 from handctl.wording import sentence
-from tests.support.syntax import nodes_of
+from tests.support.syntax import nodes_of_kind
 
 CALLS = {"Remedy": 1, "Check": 3, "Finding": 3, "Reason": 1, "Aftermath": 1, "warn": 2, "info": 2, "verdict": 4}
 """Call -> which of its arguments is a next step."""
@@ -34,7 +34,7 @@ ALONE = frozenset({"shell", "batch", "service", "prove"})
 def modules() -> dict[str, tuple[ast.AST, ...]]:
     root = Path(handctl.__file__).parent
     return {
-        str(path.relative_to(root)): nodes_of(path)
+        str(path.relative_to(root)): tuple(nodes_of_kind(path, ast.keyword, ast.Call, ast.Assign))
         for path in sorted(root.rglob("*.py"))
         if path.relative_to(root).parts[0] not in ("sim", "docgen")
     }

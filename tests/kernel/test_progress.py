@@ -73,5 +73,7 @@ def judge(data: str, safety: str, word: str) -> None:
     stream = pyte.Stream(window)
     for piece in re.findall(r"[^\r\n]+|[\r\n]", data):
         stream.feed(piece.replace("\n", "\r\n"))
+        if piece == "\r":
+            continue  # nothing is another in the window
         rows = [line for line in window.display if word in line and "next:" not in line]
         assert len(rows) <= 1, rows

@@ -1,7 +1,9 @@
-"""Choose the pins of some suites: `python -m tests.pins [SUITE…] [--more N] [--seed S] [--only TEXT] [--beside DATA]`.
+"""Choose the pins of some suites: `python -m tests.pins [SUITE…] [--more N] [--cheaper N] [--seed S] [--only TEXT] [--beside DATA]`.
 
 Candidates are the present pins, cells of what has no pin yet, and N more of each suite in an order that the seed gives. Of these the
 cheapest are kept that together show every line and branch of handctl, every outcome of a group and all that needs a pin.
+With --cheaper, N further cells are tried for each thing whose cheapest pin takes long. They only stand in for dearer ones: what
+they show besides needs no pin.
 With --only the other pins stay, and what these do not show gets one. What fails is printed and not kept. What a search has found stays.
 --beside is coverage's data of the suite without its pins (`coverage run -m pytest -q --ignore tests/pins`): lines and branches that it
 shows need no pin.
@@ -12,7 +14,7 @@ from __future__ import annotations
 import argparse
 import random
 import sys
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator, Mapping
 from itertools import islice
 
 from tests.pins import BY_HAND, file_of, found, pins
@@ -24,6 +26,8 @@ MOST = 4000
 """Cells of a group among which is chosen."""
 EACH = 3
 """Candidates for each thing that has no pin yet."""
+DEAR = 60_000
+"""Calls of a cell that may have a cheaper one in its place."""
 
 
 def drawn(suite: Suite, seed: int, only: str) -> list[str]:
@@ -60,10 +64,31 @@ def candidates(suite: Suite, seed: int, only: str, more: int) -> list[str]:
     return list(dict.fromkeys(some))
 
 
+def stand_ins(suite: Suite, seed: int, seen: Mapping[str, Shown], number: int) -> Iterator[str]:
+    """So many further cells for each thing that only dear ones show."""
+    least: dict[str, int] = {}
+    for cell in set(seen).intersection(pins(suite)):
+        for what in suite.shows(cell):
+            least[what] = min(seen[cell].cost, least.get(what, seen[cell].cost))
+    left = {what: number for what, cost in least.items() if cost > DEAR}
+    for cell in drawn(suite, seed, "") if number else ():
+        new = [what for what in suite.shows(cell) if left.get(what)] if cell not in seen else []
+        for what in new:
+            left[what] -= 1
+        if new:
+            yield cell
+
+
 def bare(suite: Suite, only: str) -> frozenset[Hashable]:
     """What has no pin that stays; lines and branches of those that stay are not known."""
     has = {what for cell in pins(suite) if only not in cell for what in suite.shows(cell)}
     return frozenset((suite.name, "shows", what) for what in {*suite.wanted()} - has)
+
+
+def tell(cell: str, shown: Shown) -> None:
+    """What is wrong with a cell, if anything is."""
+    if shown.wrong:
+        print(f"{command(cell)}\n    {' '.join(shown.wrong.split())[:300]}", flush=True)
 
 
 @scratch()
@@ -71,6 +96,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m tests.pins", description=__doc__)
     parser.add_argument("suites", nargs="*", help="suites (default: those that have pins)")
     parser.add_argument("--more", type=int, default=0, help="further cells of each suite to choose from (0)")
+    parser.add_argument("--cheaper", type=int, default=0, help="cells to try in place of each dear one (0)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="choose anew only among cells with this text in their key")
     parser.add_argument(
@@ -86,8 +112,13 @@ def main() -> int:
             shown = following.shown(suite, cell, lines=not args.only)
             what = shown.what & needed if args.only else shown.what - elsewhere
             seen[cell] = shown._replace(what=what)
-            if shown.wrong:
-                print(f"{command(cell)}\n    {' '.join(shown.wrong.split())[:300]}", flush=True)
+            tell(cell, shown)
+    needed = frozenset(what for shown in seen.values() for what in shown.what)
+    for suite in chosen:
+        for cell in [*stand_ins(suite, args.seed, seen, args.cheaper)]:
+            shown = following.shown(suite, cell, lines=not args.only)
+            seen[cell] = shown._replace(what=shown.what & needed)
+            tell(cell, shown)
     best = cover(seen)
     for suite in chosen:
         by_hand = found(suite)

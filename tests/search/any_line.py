@@ -35,6 +35,7 @@ from tests.contract.cell import judge, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of
 from tests.contract.facts import Passed, facts_of, passed
 from tests.search.suite import Suite, bounded, key, parts
+from tests.support import syntax
 from tests.support.cli import Result, run
 
 PACKAGE = os.path.join(os.path.dirname(handctl.__file__), "")
@@ -81,7 +82,7 @@ def lines_of(path: str) -> tuple[tuple[str, str], ...]:
     owners = ["-"] * (len(texts := ["", *source.split("\n")]))
 
     def below(node: ast.AST, name: str) -> None:
-        for child in ast.iter_child_nodes(node):
+        for child in syntax.below(node):
             inner = name
             if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
                 inner = f"{name}.{child.name}".removeprefix("-.")
@@ -165,10 +166,9 @@ class Stepper:
 
 
 class Alone(Stepper):
-    """Follows nothing."""
+    """Follows nothing: the interpreter is not even told to ask."""
 
-    def call(self, frame: FrameType, _event: str, _arg: object) -> Any:
-        return None
+    call: Any = None
 
 
 class Counting(Stepper):

@@ -37,6 +37,7 @@ SETTLE = 5.0
 """Virtual seconds after which what a command set going has arrived."""
 WARM = ("temperature", "heat", "odometer", "counts", "acts[", "feedback[")
 """Parts of a device that depend on how long everything took."""
+IS_WARM = re.compile("|".join(map(re.escape, WARM))).search
 PASSING = ("file", "link", "port", "answer", "suspicion")
 """Keys of a row that are of one run."""
 CODES = {0, 2, 3, 4, 5, 6, 7}
@@ -140,45 +141,49 @@ def _spelled(entry: Passed, wire: str) -> bytes:
 class Usual(NamedTuple):
     """What is the same in the healthy runs.
 
-    code     exit code
     values   by path
     paths    that have a value
     said     everything in its rows, by place and key
-    written  what it writes, in order
-    held     what it changes in the device
     """
 
-    code: int
     values: dict[str, Any]
     paths: frozenset[str]
     said: dict[str, Any]
-    written: list[bytes]
-    held: dict[str, Any]
+
+
+@cache
+def healthy(family: str, wire: str, name: str, turnaround: str = TURNAROUNDS[0]) -> Cell:
+    """The command on a healthy line."""
+    row = next(row for row in outcomes_of(family).rows if row.name == name)
+    with TemporaryDirectory() as folder:
+        prepare(family, Path(folder))
+        cell = Cell(family, wire, row, Path(folder), f"turnaround={turnaround}", "seed=1")
+    assert cell.result.code in (0, 7), cell
+    return cell
+
+
+def both(family: str, wire: str, name: str) -> list[Cell]:
+    """The command on both healthy lines."""
+    cells = [healthy(family, wire, name, turnaround) for turnaround in TURNAROUNDS]
+    assert len({cell.result.code for cell in cells}) == 1, cells
+    return cells
 
 
 @cache
 def usual(family: str, wire: str, name: str) -> Usual:
     """How the command ends on a healthy line."""
-    table = outcomes_of(family)
-    row = next(row for row in table.rows if row.name == name)
-    runs, befores = [], []
-    for turnaround in TURNAROUNDS:
-        with TemporaryDirectory() as folder:
-            prepare(family, Path(folder))
-            cell = Cell(family, wire, row, Path(folder), f"turnaround={turnaround}", "seed=1")
-            runs.append((cell, cell.held))
-            befores.append(at_rest(family, cell.link))
-    cells = [cell for cell, _ in runs]
-    assert len({cell.result.code for cell in cells}) == 1 and cells[0].result.code in (0, 7), cells
-    changed = [differing(held, before) for (_, held), before in zip(runs, befores, strict=True)]
+    cells = both(family, wire, name)
     return Usual(
-        cells[0].result.code,
         _steady([cell.values for cell in cells]),
         frozenset(cells[0].values),
         _steady([command_line(cell) for cell in cells]),
-        cells[0].written,
-        _steady(changed),
     )
+
+
+@cache
+def changes(family: str, wire: str, name: str) -> dict[str, Any]:
+    """What the command changes in a device on a healthy line."""
+    return _steady([differing(cell.held, at_rest(family, cell.link)) for cell in both(family, wire, name)])
 
 
 def at_rest(family: str, link: str) -> dict[str, Any]:
@@ -193,7 +198,7 @@ def at_rest(family: str, link: str) -> dict[str, Any]:
 
 def lasting(held: dict[str, Any]) -> dict[str, Any]:
     """Without what goes its own way."""
-    return {place: value for place, value in held.items() if not any(word in place for word in WARM)}
+    return {place: value for place, value in held.items() if not IS_WARM(place)}
 
 
 def differing(held: dict[str, Any], other: dict[str, Any]) -> dict[str, Any]:
@@ -285,7 +290,7 @@ def sound(cell: Cell, fault: str) -> None:
         return
     if not cell.written and cell.command not in cell.facts.writes:
         return  # as it should be
-    meant = usual(cell.family, cell.wire, cell.row.name).written
+    meant = healthy(cell.family, cell.wire, cell.row.name).written
     if not meant:
         assert not cell.written, (cell.written, cell)
         return
@@ -329,14 +334,17 @@ def complete(cell: Cell, fault: str, *, line: bool) -> None:
     if not line or cell.row.kind == "stream":
         return
     if cell.row.kind not in ("raw", "gcl", "reset"):  # these show whatever comes, an echo too
-        wrong = {key: value for key, value in wanted.said.items() if command_line(cell).get(key) != value}
+        shown = command_line(cell)
+        wrong = {key: value for key, value in wanted.said.items() if shown.get(key) != value}
         assert not wrong, (wrong, cell)
-    if wanted.held and (held := cell.held):
-        found = {place: held_at(held, place) for place in wanted.held}
-        differ = {place: (value, found[place]) for place, value in wanted.held.items() if not same(found[place], value)}
+    right = changes(cell.family, cell.wire, cell.row.name)
+    if right and (held := cell.held):
+        found = {place: held_at(held, place) for place in right}
+        differ = {place: (value, found[place]) for place, value in right.items() if not same(found[place], value)}
         assert not differ, (differ, cell)
     if cell.command not in cell.facts.adapts and cell.row.name not in cell.table.again:
-        assert [data for data in cell.written if data in wanted.written] == wanted.written, cell
+        meant = healthy(cell.family, cell.wire, cell.row.name).written
+        assert [data for data in cell.written if data in meant] == meant, cell
 
 
 # -- the suite ----------------------------------------------------------------------------------------------------------

@@ -32,7 +32,13 @@ BUSY = 3.0
 
 def key(*parts: object) -> str:
     """One cell as one line of text."""
-    return BAR.join(" ".join(str(part).replace("|", "¦").split()) or "-" for part in parts)
+    return BAR.join(map(_part, map(str, parts)))
+
+
+@cache
+def _part(text: str) -> str:
+    """The few words of which a hundred thousand cells are made."""
+    return " ".join(text.replace("|", "¦").split()) or "-"
 
 
 def parts(cell: str) -> list[str]:
@@ -142,17 +148,17 @@ def run(cell: str, folder: Path) -> str:
 
 def apart(what: Callable[[str, Path], Any], cell: str, folder: Path) -> Any:
     """Call it with a cell and a folder where nothing of this user is, and nothing of another cell."""
-    own = folder / "own"
-    own.mkdir()
-    (own / "run").mkdir(0o700)
-    (folder / "cell").mkdir()
-    places = {"XDG_STATE_HOME": str(own), "XDG_RUNTIME_DIR": str(own / "run"), "TMPDIR": str(own)}
+    own, place = str(folder / "own"), folder / "cell"
+    os.mkdir(own)
+    os.mkdir(f"{own}/run", 0o700)
+    place.mkdir()
+    places = {"XDG_STATE_HOME": own, "XDG_RUNTIME_DIR": f"{own}/run", "TMPDIR": own}
     here = os.getcwd()
-    os.chdir(folder / "cell")
+    os.chdir(place)
     try:
         with restored_environment(), bounded(SECONDS):
             os.environ.update(places)
-            return what(cell, folder / "cell")
+            return what(cell, place)
     finally:
         os.chdir(here)
 

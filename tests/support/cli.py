@@ -223,7 +223,8 @@ def environment(extra: Mapping[str, str] | None = None) -> Iterator[None]:
     """
     raw: dict[bytes, bytes] = os.environ._data  # type: ignore[attr-defined]
     with restored_environment():
-        for name in raw.keys() & UNCLEAN | {name for name in raw if name.startswith(b"HANDCTL_")}:
+        ours = [name for name in raw if name.startswith(OURS)] if OURS in b"\0".join(raw) else ()
+        for name in {*ours, *(raw.keys() & UNCLEAN)}:
             del os.environb[name]
         os.environ.update({"XDG_CONFIG_HOME": "/dev/null/none", **(extra or {})})
         yield
@@ -239,12 +240,12 @@ def restored_environment() -> Iterator[None]:
     finally:
         for name in raw.keys() - before.keys():
             del os.environb[name]
-        for name, value in before.items():
-            if raw.get(name) != value:
-                os.environb[name] = value
+        for name, value in before.items() - raw.items():
+            os.environb[name] = value
 
 
 UNCLEAN = frozenset(map(os.fsencode, DROPPED))
+OURS = b"HANDCTL_"
 
 
 def run(

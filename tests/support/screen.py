@@ -6,18 +6,20 @@ For tables and the live view only; what needs a keyboard runs on a real pseudo-t
 from __future__ import annotations
 
 import io
-import os
 import re
 import signal
 import sys
 from collections.abc import Mapping
+from functools import cache
 from unittest import mock
 
 import pyte
 
 from handctl import cli
-from tests.support.cli import clean_environment
+from tests.support.cli import environment
 
+# A window has thousands of characters, and few different ones: each would be made of its attributes again.
+pyte.screens.Char._replace = cache(pyte.screens.Char._replace)
 ANSI = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 
 
@@ -58,7 +60,7 @@ def screen(
     size = {"TERM": "xterm-256color", "COLUMNS": str(columns), "LINES": str(rows)}
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     with (
-        mock.patch.dict(os.environ, clean_environment({**size, **(env or {})}), clear=True),
+        environment({**size, **(env or {})}),
         mock.patch.object(sys, "stdout", out),
         mock.patch.object(sys, "stderr", err),
         mock.patch.object(sys, "stdin", io.StringIO()),

@@ -41,8 +41,10 @@ envelope  rows and envelope of NDJSON, without times and version
 text      stdout and stderr as people get them
 files     what was left in the folder
 """
-MOMENTS = re.compile(r"\b20\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z| ?[+-]\d\d:?\d\d)?")
-STAMPS = re.compile(r"\b20\d{6}T\d{6}Z\b")
+# A year is looked for by its first digits, and that it begins a word behind them: the other way each place would be tried.
+MOMENTS = re.compile(r"20(?<!\w20)\d\d-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:\.\d+)?(?:Z| ?[+-]\d\d:?\d\d)?")
+STAMPS = re.compile(r"20(?<!\w20)\d{6}T\d{6}Z\b")
+A_SUM = re.compile(r"[0-9a-f]{64}")
 SUMS = re.compile(r"(\b\d+( +))?\b[0-9a-f]{64}\b")
 KEYS = re.compile(r'("(?:host|user|size)": )(?:"[^"]*"|\d+)')
 TIMED = {"t", "host_t", "seconds", "round_trip_ms", "spread_ms"}
@@ -219,7 +221,7 @@ class Recorder:
         """Without what belongs to this machine, this checkout or this moment."""
         text = text.replace(str(self.scratch.folder), "<folder>").replace(__version__, "<version>")
         text = STAMPS.sub("<stamp>", MOMENTS.sub("<moment>", text))
-        text = KEYS.sub(r"\1<own>", SUMS.sub("<sum>", text))
+        text = KEYS.sub(r"\1<own>", SUMS.sub("<sum>", text) if A_SUM.search(text) else text)
         return text.replace(sys.executable, "<python>")
 
 

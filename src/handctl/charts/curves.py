@@ -85,9 +85,8 @@ Place = tuple[float, float, float]
 
 def escape(text: str) -> str:
     """Text for the page: no markup, and nothing that HTML cannot hold."""
-    return escape_markup(
-        "".join(letter if letter.isprintable() or letter == "\n" else "\N{REPLACEMENT CHARACTER}" for letter in text)
-    )
+    lost = {letter for letter in set(text) if not (letter.isprintable() or letter == "\n")}
+    return escape_markup(text.translate(dict.fromkeys(map(ord, lost), "\N{REPLACEMENT CHARACTER}")))
 
 
 class Curve:

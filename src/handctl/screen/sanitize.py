@@ -33,7 +33,7 @@ def shown(text: str, keep: str = "") -> str:
     """
     if text.isprintable() or (keep and text.translate(dict.fromkeys(map(ord, keep))).isprintable()):
         return text
-    return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)
+    return text.translate({ord(one): _spelled(one) for one in set(text) if not (one.isprintable() or one in keep)})
 
 
 def short(line: str) -> str:

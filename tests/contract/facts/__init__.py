@@ -6,8 +6,10 @@ Everything else it takes from the registry, the command tree, the map and the si
 from __future__ import annotations
 
 import importlib
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -45,6 +47,9 @@ class Waiting(NamedTuple):
     options: Mapping[str, str] = MappingProxyType({})
     near: float = 5.0
     goes: bool = True
+
+
+HERE = Path()
 
 
 @dataclass(frozen=True)
@@ -125,7 +130,8 @@ class Facts:
     def words(self, command: str, folder: Path) -> list[str]:
         """The arguments of a command, with the files of `folder` in place."""
         text = self.writes.get(command, self.reads.get(command, ""))
-        files = {kind: str(folder / f"{kind}.json") for kind in FAMILIES}
+        below = "" if folder == HERE else f"{folder}{os.sep}"
+        files = {kind: f"{below}{kind}.json" for kind in FAMILIES}
         return [word.format(dir=folder, **files).replace("§", " ") for word in text.split()]
 
     def placed(self, line: Any) -> list[float]:
@@ -143,6 +149,7 @@ class Facts:
         return f"fake://{family}?{'&'.join(filter(None, ['clock=virtual', state, *more]))}"
 
 
+@cache
 def facts_of(family: str) -> Facts:
     """The facts of a family of the registry. Raises ModuleNotFoundError where there are none."""
     facts: Facts = importlib.import_module(f"tests.contract.facts.{family}").FACTS

@@ -279,8 +279,8 @@ ROWS = (
         "escapes let through",
         FILTER,
         "shown",
-        'return "".join(letter if letter.isprintable() or letter in keep else _spelled(letter) for letter in text)',
-        'return "".join(letter if letter.isprintable() or letter in keep or letter == chr(27) else _spelled(letter) for letter in text)',
+        "return text.translate({ord(one): _spelled(one) for one in set(text) if not (one.isprintable() or one in keep)})",
+        "return text.translate({ord(one): _spelled(one) for one in set(text) if not (one.isprintable() or one in keep or one == chr(27))})",
         "tests/kernel/test_sanitize.py::test_what_is_text_stays",
     ),
     mistake(
