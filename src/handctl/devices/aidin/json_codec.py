@@ -82,7 +82,8 @@ def encode(fields: Mapping[str, Out]) -> bytes:
 
 def _value(value: Out) -> str:
     if isinstance(value, Sequence):
-        return "[" + ",".join(_number(single) for single in value) + "]"
+        whole = {*map(type, value)} == {int}  # as nearly all are
+        return "[" + ",".join(map(str if whole else _number, value)) + "]"
     return _number(value)
 
 

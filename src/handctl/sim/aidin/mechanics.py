@@ -62,9 +62,6 @@ class Motor:
         """From here the motor opens by so many counts and no further."""
         self.floor = max(0.0, self.place - gives)
 
-    def reading(self) -> int:
-        return round(self.place - self.origin)
-
     def rests(self) -> bool:
         """Without power, or where it was sent to, and not held back from it."""
         return self.drive == "off" or (
@@ -205,7 +202,7 @@ class Hand:
     # -- readings ------------------------------------------------------------------------------------------------------
 
     def encoders(self) -> list[int]:
-        return [motor.reading() for motor in self.motors]
+        return [round(motor.place - motor.origin) for motor in self.motors]
 
     def joints(self, counts: list[int]) -> list[float]:
         """q1 q2 q3 q4 of each finger, degrees, from the encoders as the firmware has to."""
