@@ -85,9 +85,9 @@ Place = tuple[float, float, float]
 
 def escape(text: str) -> str:
     """Text for the page: no markup, and nothing that HTML cannot hold."""
-    return escape_markup(
-        "".join(letter if letter.isprintable() or letter == "\n" else "\N{REPLACEMENT CHARACTER}" for letter in text)
-    )
+    if not text.replace("\n", "").isprintable():
+        text = "".join(one if one.isprintable() or one == "\n" else "\N{REPLACEMENT CHARACTER}" for one in text)
+    return escape_markup(text)
 
 
 class Curve:
