@@ -114,8 +114,9 @@ def _noise(seed: int, count: int) -> list[float]:
 def walk(plan: Plan) -> Made:
     """The samples, and what was walked."""
     contacts = _contacts(plan)
-    moments = (number / plan.rate for number in range(int(plan.seconds * plan.rate)))
-    t = [moment for moment in moments if not any(begin <= moment < end for begin, end in plan.holes)]
+    t = [number / plan.rate for number in range(int(plan.seconds * plan.rate))]
+    for begin, end in plan.holes:
+        t = [moment for moment in t if not begin <= moment < end]
     gaps = [row for row, (a, b) in enumerate(pairwise(t), 1) if b - a > GAP_PERIODS / plan.rate]
     signals: dict[str, list[float]] = {}
     noisy = [f"{side}_{name}" for side in SIDES for name in SENSORS if f"{side}_{name}" not in plan.dead]
@@ -141,9 +142,9 @@ def walk(plan: Plan) -> Made:
 
 def _feet(t: list[float], contacts: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
     """Of each moment the load of heel and toe, and how far the knee is bent, each 0 to 1."""
-    feet, place = [], 0
+    feet, place, last = [], 0, len(contacts) - 1
     for moment in t:
-        while place + 1 < len(contacts) and contacts[place + 1][0] <= moment:
+        while place < last and contacts[place + 1][0] <= moment:
             place += 1
         on, off, end = contacts[place]
         if not on <= moment < off:

@@ -283,7 +283,7 @@ def ramp(goal: Goal, start: Sequence[Number], values: Sequence[float], period: f
         if param.label_of(index) != COUPLED:
             count = max(count, ceil(abs(b - a) / (goal.target.per_second(index) * period) - 1e-9))
     return [
-        tuple(b if step == count else a + (b - a) * step / count for a, b in zip(begin, values, strict=True))
+        tuple([b if step == count else a + (b - a) * step / count for a, b in zip(begin, values, strict=True)])
         for step in range(1, count + 1)
     ]
 
