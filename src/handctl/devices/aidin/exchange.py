@@ -514,10 +514,8 @@ class Conversation(Line):
 
     def _receive(self, deadline: Deadline) -> bool:
         """Take what arrives before `deadline`; whether feedback was in it. Raises LinkError, ProtocolError."""
-        return self._fill(deadline) and self._take_whole()
-
-    def _take_whole(self) -> bool:
-        """Take what has arrived whole; whether feedback was in it. Raises ProtocolError."""
+        if not self._fill(deadline):
+            return False
         found = False
         for content in frames_in(self._decoder, self._note_bad):
             found = self._take(content) or found
@@ -595,9 +593,9 @@ class Conversation(Line):
     def drain(self) -> None:
         """Take everything that has already arrived."""
         for _ in range(READS_AT_ONCE):
-            if not self._fill(self.link.at_once):
+            before = self._bytes_seen
+            if not self._receive(self.link.at_once) and self._bytes_seen == before:
                 return
-            self._take_whole()
 
     @property
     def _bytes_seen(self) -> int:

@@ -82,8 +82,7 @@ def encode(fields: Mapping[str, Out]) -> bytes:
 
 def _value(value: Out) -> str:
     if isinstance(value, Sequence):
-        whole = {*map(type, value)} == {int}  # as nearly all are
-        return "[" + ",".join(map(str if whole else _number, value)) + "]"
+        return "[" + ",".join(map(str if {*map(type, value)} == {int} else _number, value)) + "]"
     return _number(value)
 
 

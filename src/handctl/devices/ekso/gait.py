@@ -314,14 +314,8 @@ def _blocks(t: Sequence[float], values: Sequence[float], most: int) -> Blocks:
         if gain[place] < FLAT * usual:
             nearest = min(walks, key=lambda one: abs(one - place))
             offset[place], gain[place] = offset[nearest], gain[nearest]
-    steps = Ordered(
-        [
-            abs(b - a)
-            for (begin, end), bare in zip(rows, offset, strict=True)
-            for a, b in pairwise(values[begin : min(end + 1, most)])
-            if a < bare + 0.1 * usual
-        ]
-    )
+    pieces = zip((pairwise(values[begin : min(end + 1, most)]) for begin, end in rows), offset, strict=True)
+    steps = Ordered([abs(b - a) for piece, bare in pieces for a, b in piece if a < bare + 0.1 * usual])
     return Blocks(offset, gain, rows, 1.05 * steps[len(steps) // 2] if steps else 0.0)
 
 

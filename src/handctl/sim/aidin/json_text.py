@@ -85,25 +85,19 @@ class Reader:
         found, at = [], 0
         while at < len(data):
             whole = None if self._depth else WHOLE.match(data, at, at + self._longest)
-            if whole is None:
-                found.append(self._step(data[at]))
-                at += 1
-            else:
-                found.append(self._parse(whole.group()))
-                at = whole.end()
+            found.append(self._parse(whole.group()) if whole else self._step(data[at]))
+            at = whole.end() if whole else at + 1
         return found
 
     def _step(self, byte: int) -> dict[str, Any] | None:
         """One byte more: braces are counted outside strings, so an object may be cut anywhere."""
-        if not self._depth:
-            if byte != 123:
-                self.dropped += byte not in BLANKS
-                return None
-            self._depth = 1
-            self._text.append(byte)
+        if not self._depth and byte != 123:
+            self.dropped += byte not in BLANKS
             return None
         self._text.append(byte)
-        if self._escaped:
+        if not self._depth:
+            self._depth = 1
+        elif self._escaped:
             self._escaped = False
         elif self._quoted:
             self._escaped = byte == 92

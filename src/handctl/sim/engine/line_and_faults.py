@@ -617,7 +617,7 @@ class Line(Cable):
                 pieces.append((self._random.between(0, 8) / 1000.0 if pieces else 0.0, step, data[:count]))
                 data = data[count:]
         self._out.append((due, pieces, hang, self.device.speed, self._client_baud))
-        if len(self._out) > 1:
+        if len(self._out) > 1 and due < self._out[-2][0]:
             self._out.sort(key=lambda entry: entry[0])
 
     def _dispatch(self, now: float) -> None:
