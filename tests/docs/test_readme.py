@@ -99,6 +99,8 @@ def bench_version(words: tuple[str, ...]) -> tuple[str, ...]:
     streams = {"watch", "--live"} & set(kept) or {"tactile", "--watch"} <= set(kept)
     if streams and not {"--count", "--duration"} & set(kept):
         kept += ["--count", "2"]
+    elif streams and "--duration" in kept:  # so are a few samples
+        kept[kept.index("--duration") + 1] = "1"
     kept += ["--force"] if "pair" in kept else []  # other examples have given these names
     if any("/" in word for word in kept) and "pair" in kept:  # its LINKs are arguments, and differ
         return tuple(second_link(word, place) for place, word in enumerate(kept))

@@ -34,6 +34,7 @@ ERRORS = {
     "NotConfirmed",
     "SimError",
 }
+LOOKED_AT = {ast.Expr, ast.IfExp, ast.JoinedStr, ast.Constant, ast.Raise}
 VERBATIM = ("Cntl-C abort command received", "LFV in counts per sample (default) or per 10 ms: sample, 10ms")
 """The manuals' own words, and what a program prints that is none of ours."""
 
@@ -51,6 +52,8 @@ def module(path: Path) -> Module:
     found = Module([], [], [])
     inner, guarded, counts = set[int](), set[int](), "{len(" in path.read_text(encoding="utf-8")
     for node in nodes_of(path):  # what is around something comes before it
+        if type(node) not in LOOKED_AT:
+            continue
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             inner.add(id(node.value))
         elif isinstance(node, ast.IfExp):

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass, field, replace
+from functools import cache
 from itertools import pairwise
 from math import pi, sin
 
-from handctl.devices.ekso.gait import SENSORS, SIDES, SIGNALS, Stretch
+from handctl.devices.ekso.gait import SENSORS, SIDES, Stretch
 from handctl.record.timeline import GAP_PERIODS
 
 RATE = 50.0
@@ -95,43 +96,65 @@ def _contacts(plan: Plan) -> dict[str, list[tuple[float, float, float]]]:
     return made
 
 
+@cache
+def _chance(seed: int) -> list[float]:
+    """Noise of deviation 1, as far as a walk has needed it. It is the same in every walk of a seed."""
+    return []
+
+
+def _noise(seed: int, count: int) -> list[float]:
+    """The first so many of them."""
+    made = _chance(seed)
+    if len(made) < count:
+        chance = random.Random(seed)
+        made[:] = [chance.gauss(0, 1) for _ in range(count)]
+    return made[:count]
+
+
 def walk(plan: Plan) -> Made:
     """The samples, and what was walked."""
-    chance = random.Random(plan.seed + 1)
     contacts = _contacts(plan)
-    t: list[float] = []
-    gaps: list[int] = []
-    signals: dict[str, list[float]] = {name: [] for name in SIGNALS}
-    place = dict.fromkeys(SIDES, 0)
-    for number in range(int(plan.seconds * plan.rate)):
-        moment = number / plan.rate
-        if any(begin <= moment < end for begin, end in plan.holes):
-            continue
-        if t and moment - t[-1] > GAP_PERIODS / plan.rate:
-            gaps.append(len(t))
-        t.append(moment)
-        for side in SIDES:
-            while place[side] + 1 < len(contacts[side]) and contacts[side][place[side] + 1][0] <= moment:
-                place[side] += 1
-            heel, toe, bend = _foot(moment, *contacts[side][place[side]])
-            for name, load in (("toe", toe), ("heel", heel)):
-                sensor = f"{side}_{name}"
-                value = plan.offset.get(sensor, 20.0) + plan.drift.get(sensor, 0.0) * moment / plan.seconds
-                value += 0.0 if sensor in plan.dead else load * plan.gain.get(sensor, GAIN)
-                signals[sensor].append(
-                    round(max(0.0, value + (0 if sensor in plan.dead else chance.gauss(0, plan.noise))))
-                )
-            signals[f"{side}_knee"].append(5.0 + (0.0 if side in plan.stiff else 50.0 * bend))
-            signals[f"{side}_hip"].append(10.0 * sin(moment))
+    t = [number / plan.rate for number in range(int(plan.seconds * plan.rate))]
+    for begin, end in plan.holes:
+        t = [moment for moment in t if not begin <= moment < end]
+    gaps = [row for row, (a, b) in enumerate(pairwise(t), 1) if b - a > GAP_PERIODS / plan.rate]
+    signals: dict[str, list[float]] = {}
+    noisy = [f"{side}_{name}" for side in SIDES for name in SENSORS if f"{side}_{name}" not in plan.dead]
+    noise = _noise(plan.seed + 1, len(noisy) * len(t))
+    for side in SIDES:
+        feet = _feet(t, contacts[side])
+        for name in SENSORS:
+            sensor = f"{side}_{name}"
+            offset, drift = plan.offset.get(sensor, 20.0), plan.drift.get(sensor, 0.0)
+            values = [offset + drift * moment / plan.seconds for moment in t]
+            if sensor in noisy:
+                gain, level, chances = plan.gain.get(sensor, GAIN), plan.noise, noise[noisy.index(sensor) :: len(noisy)]
+                loads = [toe for _, toe, _ in feet] if name == "toe" else [heel for heel, _, _ in feet]
+                rows = zip(values, loads, chances, strict=True)
+                values = [value + load * gain + chance * level for value, load, chance in rows]
+            signals[sensor] = [round(value) if value > 0 else 0 for value in values]
+        bent = 0.0 if side in plan.stiff else 50.0
+        signals[f"{side}_knee"] = [5.0 + bent * bend for _, _, bend in feet]
+        signals[f"{side}_hip"] = [10.0 * sin(moment) for moment in t]
     strides = [(side, *one) for side in SIDES for one in contacts[side] if one[2] < t[-1]]
     return Made([Stretch(1, t, signals, gaps)], sorted(strides, key=lambda one: one[1]))
 
 
-def _foot(moment: float, on: float, off: float, end: float) -> tuple[float, float, float]:
-    """Load of heel and toe, and how far the knee is bent, each 0 to 1."""
-    if not on <= moment < off:
-        return 0.0, 0.0, sin(pi * (moment - off) / (end - off)) if off <= moment < end else 0.0
-    since, left, long = moment - on, off - moment, off - on
-    heel = min(1.0, since / LOADS) * (1.0 if since < 0.5 * long else max(0.25, 1.0 - 2 * (since / long - 0.5)))
-    toe = min(1.0, left / LIFTS) * min(1.0, max(0.0, (since / long - 0.25) * 2))
-    return heel * min(1.0, left / LIFTS), toe, 0.0
+def _feet(t: list[float], contacts: list[tuple[float, float, float]]) -> list[tuple[float, float, float]]:
+    """Of each moment the load of heel and toe, and how far the knee is bent, each 0 to 1."""
+    feet, place, last = [], 0, len(contacts) - 1
+    for moment in t:
+        while place < last and contacts[place + 1][0] <= moment:
+            place += 1
+        on, off, end = contacts[place]
+        if not on <= moment < off:
+            feet.append((0.0, 0.0, sin(pi * (moment - off) / (end - off)) if off <= moment < end else 0.0))
+            continue
+        since, left, long = moment - on, off - moment, off - on
+        loaded = since / LOADS if since < LOADS else 1.0
+        lifted = left / LIFTS if left < LIFTS else 1.0
+        part = since / long
+        heel = loaded * (1.0 if since < 0.5 * long else max(0.25, 1.0 - 2 * (part - 0.5)))
+        toe = 0.0 if part < 0.25 else 1.0 if part > 0.75 else (part - 0.25) * 2
+        feet.append((heel * lifted, lifted * toe, 0.0))
+    return feet

@@ -51,10 +51,10 @@ def walk(node: ast.AST) -> list[ast.AST]:
     for one in found:  # it grows meanwhile
         for name in _parts(type(one)):
             value = getattr(one, name, None)
-            if isinstance(value, ast.AST):
-                found.append(value)
-            elif isinstance(value, list):
+            if type(value) is list:
                 found += [item for item in value if isinstance(item, ast.AST)]
+            elif value is not None and isinstance(value, ast.AST):
+                found.append(value)
     return found
 
 

@@ -516,7 +516,7 @@ class Device(ABC):
             said, why = reply_text(self._line.where, absent[0]), absent[0].error
             refused = why is not None and why.exit_code == NotPresent.exit_code
             self.journal.info(NOT_THERE, text, hint=f"it replied: {said}" if refused else said)
-        return [reading for reading in readings if reading not in absent]
+        return [one for one in readings if one.error is None or not self.lacks(one.error)]
 
     @contextmanager
     def keep_partial(self, so_far: Callable[[], Sequence[Reading]]) -> Iterator[None]:

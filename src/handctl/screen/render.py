@@ -407,8 +407,12 @@ def dumps(value: Any) -> str:
     return in_json(_ENCODER.encode(value))
 
 
+NUMBERS = (int, float, bool, type(None))
+"""What nothing can hide in, as most that a row holds."""
+
+
 def _row_shown(row: Row) -> Row:
-    return {key: value_shown(value) for key, value in row.items()}
+    return {key: value if type(value) in NUMBERS else value_shown(value) for key, value in row.items()}
 
 
 def _json_envelope(envelope: dict[str, Any], blocks: Iterable[str]) -> Iterator[str]:

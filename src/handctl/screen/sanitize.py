@@ -61,11 +61,9 @@ def _spelled(letter: str) -> str:
 
 def text_of(value: object) -> str:
     """A value as CSV, plain and tables have it: "" for null."""
-    if value is None:
-        return ""
     if isinstance(value, bool):
         return "true" if value else "false"
-    return str(value)
+    return "" if value is None else str(value)
 
 
 def value_shown(value: object) -> object:

@@ -58,9 +58,13 @@ def received(link: Link, deadline: Deadline) -> tuple[bytes, int | None]:
     return (b"", None) if frame is None else (frame.data, frame.can_id)
 
 
+LETTERS = bytes(range(32, 127)) + b"\t\r\n\0"
+SPELLED = {byte: f"\\x{byte:02x}" for byte in range(256) if not 32 <= byte < 127} | {13: "\\r", 10: "\\n"}
+
+
 def is_text(data: bytes) -> bool:
     """Whether bytes of no frame are text that a person can read, such as a banner."""
-    return len(data) > 1 and all(32 <= byte < 127 or byte in b"\t\r\n\0" for byte in data)
+    return len(data) > 1 and not data.translate(None, LETTERS)
 
 
 def row_of(told: TranscriptRow, before: float | None) -> Row:
@@ -84,9 +88,7 @@ def row_of(told: TranscriptRow, before: float | None) -> Row:
 
 def shown_as_text(data: bytes) -> str:
     """Bytes as a person types them: ``FGET P\\r``."""
-    return "".join(
-        chr(byte) if 32 <= byte < 127 else {13: "\\r", 10: "\\n"}.get(byte, f"\\x{byte:02x}") for byte in data
-    )
+    return data.decode("latin-1").translate(SPELLED)
 
 
 def line_of(row: Row, width: int | None, *, as_hex: bool = False) -> str:

@@ -316,7 +316,7 @@ ROWS = (
         "stale input believed",
         "handctl.devices.aidin.exchange",
         "Conversation.check_sight",
-        "if missing or self.feedback.wrong.get(key, 0) >= CYCLES:",
+        "if missing or self.feedback.wrong[key] >= CYCLES:",
         "if missing:",
         "tests/aidin/test_exchange.py::test_nothing_is_driven_on_by_a_key_that_is_wrong_three_times",
     ),

@@ -8,6 +8,7 @@ Feedback of the hand: the newest value of every key, or why it was rejected. Kno
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from math import inf
@@ -45,13 +46,14 @@ class KeyErrors:
         self.keys: dict[str, dict[str, int]] = {key: {"bad": 0, "missing": 0, "skipped": 0} for key in ALL}
         self._round: set[str] = set()
 
-    def came(self, key: str) -> None:
-        """A round ends with the first key that comes again."""
-        if key in self._round:
-            for other in self.keys.keys() - self._round:
-                self.keys[other]["missing"] += 1
-            self._round.clear()
-        self._round.add(key)
+    def came(self, keys: Iterable[str]) -> None:
+        """These keys, in this order. A round ends with the first key that comes again."""
+        for key in keys:
+            if key in self._round:
+                for other in self.keys.keys() - self._round:
+                    self.keys[other]["missing"] += 1
+                self._round.clear()
+            self._round.add(key)
 
 
 class Feedback:
@@ -59,38 +61,36 @@ class Feedback:
 
     def __init__(self, quality: KeyErrors | None = None) -> None:
         self.quality = quality or KeyErrors()
-        self.good: dict[str, int] = {}
-        self.wrong: dict[str, int] = {}
+        self.good: Counter[str] = Counter()
+        self.wrong: Counter[str] = Counter()
         self.values: dict[str, Wire] = {}
         self.errors: dict[str, ProtocolError] = {}
-        self.seen: dict[str, int] = {}
+        self.seen: Counter[str] = Counter()
 
     def merge(self, content: dict[str, object]) -> int:
         """Merge an object; number of known keys in it."""
-        known = 0
-        for param in FEEDBACK:
-            if param.key not in content:
-                continue
-            known += 1
-            self.quality.came(param.key)
-            self.seen[param.key] = self.seen.get(param.key, 0) + 1
+        known = [param for param in FEEDBACK if param.key in content]
+        self.quality.came([param.key for param in known])
+        for param in known:
+            key = param.key
+            self.seen[key] += 1
             try:
-                self.values[param.key] = numbers(
-                    content[param.key], param.count, int_range=param.int_range, most=param.most_on_wire
+                self.values[key] = numbers(
+                    content[key], param.count, int_range=param.int_range, most=param.most_on_wire
                 )
-                self.good[param.key] = self.good.get(param.key, 0) + 1
-                self.errors.pop(param.key, None)
-                self.wrong.pop(param.key, None)
+                self.good[key] += 1
+                if key in self.errors:
+                    del self.errors[key], self.wrong[key]
             except ProtocolError as exc:
-                self.quality.keys[param.key]["bad"] += 1
-                self.errors[param.key] = exc
-                self.wrong[param.key] = self.wrong.get(param.key, 0) + 1
-        return known
+                self.quality.keys[key]["bad"] += 1
+                self.errors[key] = exc
+                self.wrong[key] += 1
+        return len(known)
 
     def replaced(self, keys: tuple[str, ...]) -> None:
         """Of these keys one value was shown; the other good ones that have come were not."""
         for key in keys:
-            self.quality.keys[key]["skipped"] += max(0, self.good.get(key, 0) - 1)
+            self.quality.keys[key]["skipped"] += max(0, self.good[key] - 1)
 
     def complete(self, keys: tuple[str, ...] = ()) -> bool:
         """Whether a good value of every key (or of these) has come."""
@@ -98,11 +98,9 @@ class Feedback:
 
     def result(self, key: str) -> Wire | ProtocolError:
         """The newest value of a key, or why there is none."""
-        error = self.errors.get(key)
-        if error is not None:
-            return error
-        value = self.values.get(key)
-        return value if value is not None else ProtocolError("the hand does not send it", code=MISSING)
+        if key in self.errors:
+            return self.errors[key]
+        return self.values[key] if key in self.values else ProtocolError("the hand does not send it", code=MISSING)
 
 
 def keys_in(data: bytes) -> list[str]:
@@ -118,10 +116,14 @@ def values_of(param: AidinParam, wire: Wire) -> list[Number]:
 
 def named(where: str, param: AidinParam, found: Wire | ProtocolError) -> Wire | ProtocolError:
     """The received value of a key; an error names the hand, the key and the elements as `get` accepts them."""
+    return _named(where, param, found) if isinstance(found, ProtocolError) else found
+
+
+def _named(where: str, param: AidinParam, found: ProtocolError) -> ProtocolError:
     if isinstance(found, WrongNumbers):
         texts = (f"{Element(param, place).full_name} {exc.text}" for place, exc in found.wrong.items())
         return _spelled(where, "; ".join(texts), found)
-    return _spelled(where, f"{param.key}: {found.text}", found) if isinstance(found, ProtocolError) else found
+    return _spelled(where, f"{param.key}: {found.text}", found)
 
 
 def number_of(where: str, element: Element, param: AidinParam, found: Wire | ProtocolError) -> Number | ProtocolError:
@@ -350,9 +352,8 @@ class Conversation(Line):
 
     def usable(self, param: AidinParam, found: Wire | ProtocolError) -> Wire:
         """The array, or raise what is wrong with it."""
-        found = named(self.link.name, param, found)
         if isinstance(found, ProtocolError):
-            raise found
+            raise _named(self.link.name, param, found)
         return found
 
     def _follow(self, keys: tuple[str, ...]) -> None:
@@ -472,7 +473,7 @@ class Conversation(Line):
         """Stop driving if the hand no longer reports a quantity that is needed."""
         key = param.key
         missing = self.feedback_at - self._good.get(key, self.feedback_at) > (self._patience)  # other keys still came
-        if missing or self.feedback.wrong.get(key, 0) >= CYCLES:
+        if missing or self.feedback.wrong[key] >= CYCLES:
             wrong = self.feedback.errors.get(key)
             self.usable(param, wrong or ProtocolError("the hand no longer sends it", code="missing-key"))
 

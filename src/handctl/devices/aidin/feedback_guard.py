@@ -160,7 +160,7 @@ class FeedbackGuard:
         most = fastest * (max(since, usual) + JITTER)
         unit, sizes = (degrees(1.0) if param.angles else 1.0), RANGES[param.key]
         places = zip(before, now, sizes, strict=True)
-        if all(old == new or abs(new - old) * unit < most * size - ROUNDED for old, new, size in places):
+        if not [1 for old, new, size in places if old != new and abs(new - old) * unit >= most * size - ROUNDED]:
             return  # as nearly always, and each object of each movement passes here
         ends = zip(map(param.from_wire, before), map(param.from_wire, now), sizes, strict=True)
         leaps = [

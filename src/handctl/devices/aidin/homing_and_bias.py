@@ -128,7 +128,7 @@ class Travel:
     def look(self, at: float, feedback: Feedback) -> None:
         """The encoders of feedback, unless they are those of the last look or were refused."""
         key = MOTOR_POS.key
-        count = feedback.good.get(key, 0)
+        count = feedback.good[key]
         new = self._taken is None or self._taken[0] is not feedback or self._taken[1] != count
         if key in feedback.values and key not in feedback.errors and new:
             self._taken = feedback, count

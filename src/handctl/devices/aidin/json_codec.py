@@ -82,7 +82,7 @@ def encode(fields: Mapping[str, Out]) -> bytes:
 
 def _value(value: Out) -> str:
     if isinstance(value, Sequence):
-        return "[" + ",".join(_number(single) for single in value) + "]"
+        return "[" + ",".join(map(str if {*map(type, value)} == {int} else _number, value)) + "]"
     return _number(value)
 
 
@@ -150,9 +150,11 @@ class Decoder:
         return data
 
     def _skip(self) -> None:
+        if self._buffer.startswith(b"{"):
+            return
         rest = self._buffer.lstrip(BETWEEN)
         self._use(len(self._buffer) - len(rest))
-        if rest and rest[0] != 0x7B:
+        if rest and rest[:1] != b"{":
             place = rest.find(b"{")
             data = self._use(len(rest) if place < 0 else place)
             raise MalformedObject(
@@ -218,10 +220,9 @@ class Twice(Exception):
 
 
 def _parse(data: bytes) -> dict[str, object] | None:
-    from json import detect_encoding
-
+    """Of bytes that begin with ``{`` and have no NUL behind it, so that they can only be UTF-8."""
     try:
-        content = _json().decode(data.decode(detect_encoding(data), "surrogatepass"))
+        content = _json().decode(data.decode("utf-8", "surrogatepass"))
     except (ValueError, RecursionError):
         return None
     return content if isinstance(content, dict) else None

@@ -98,10 +98,9 @@ class Goal:
     def wire(self, values: Sequence[float]) -> tuple[int, ...] | tuple[float, ...]:
         """The numbers of the command's array."""
         param = self.target.command
-        numbers = [
-            param.to_wire(index, round(value) if param.int_range else value) for index, value in enumerate(values)
-        ]
-        return tuple(int(n) for n in numbers) if param.int_range is not None else tuple(float(n) for n in numbers)
+        if param.int_range is not None:
+            return tuple(map(round, values))
+        return tuple([float(param.to_wire(index, value)) for index, value in enumerate(values)])
 
 
 def _kept(param: AidinParam, index: int, value: float) -> float:
@@ -284,7 +283,7 @@ def ramp(goal: Goal, start: Sequence[Number], values: Sequence[float], period: f
         if param.label_of(index) != COUPLED:
             count = max(count, ceil(abs(b - a) / (goal.target.per_second(index) * period) - 1e-9))
     return [
-        tuple(b if step == count else a + (b - a) * step / count for a, b in zip(begin, values, strict=True))
+        tuple([b if step == count else a + (b - a) * step / count for a, b in zip(begin, values, strict=True)])
         for step in range(1, count + 1)
     ]
 

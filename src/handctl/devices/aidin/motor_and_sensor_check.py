@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from itertools import count
 from math import degrees, inf, sqrt
+from operator import sub
 from statistics import fmean, median, pstdev
 
 from handctl.devices.aidin import motion
@@ -96,9 +97,8 @@ class Trip:
 
     def look(self, encoders: Wire) -> None:
         """Encoders on the way out or back: a motor that was away and has come back moved, too."""
-        self._stray = [
-            max(most, abs(at - begin)) for most, at, begin in zip(self._stray, encoders, self.start, strict=True)
-        ]
+        away = map(abs, map(sub, encoders, self.start))
+        self._stray = [*map(max, self._stray, away)]
 
     def arrived(self, encoders: Wire, _currents: Wire, joints: Wire) -> None:
         """Where everything is at the far end."""
@@ -533,7 +533,7 @@ class _Mover:
         pushing = standing = late = 0
         seen, (encoders, _, _) = self._heard, self._told()
         begin = before = best = encoders[index]
-        arrive = round(ARRIVE / PERIOD)
+        arrive, there = round(ARRIVE / PERIOD), ENCODERS.near(index)
         for number in count():
             values = way[min(number, len(way) - 1)]
             self._send(list(values), PERIOD)
@@ -546,7 +546,7 @@ class _Mover:
                     raise self._astray(named(MOTORS, [index], encoders), "moved opposite to the commanded direction")
                 trip.look(encoders)
                 late += number >= len(way)
-                near = off <= ENCODERS.near(index)
+                near = off <= there
                 standing = standing + 1 if near and change <= ALMOST else 0
                 if not back:
                     trip.note(currents)
@@ -596,7 +596,7 @@ class _Mover:
     @property
     def _heard(self) -> int:
         """How often encoders have come."""
-        return self._hand.conversation.feedback.good.get(MOTORS.key, 0)
+        return self._hand.conversation.feedback.good[MOTORS.key]
 
     def _told(self) -> tuple[Wire, Wire, Wire]:
         """Encoders, currents and joint angles as the hand told them last."""

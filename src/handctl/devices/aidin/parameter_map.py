@@ -34,6 +34,8 @@ class Mode(IntEnum):
     CURRENT = 41
 
 
+MOST_RADIANS = radians(nextafter(inf, 0.0))
+"""The largest angle whose degrees are finite."""
 LARGEST_RADIAN = 6.3
 """An angle beyond this is none in radians (possibly degrees)."""
 
@@ -91,7 +93,7 @@ class AidinParam(Param):
     @property
     def most_on_wire(self) -> float:
         """The largest number on the wire that is still one in `unit`."""
-        return radians(nextafter(inf, 0.0)) if self.angles else inf
+        return MOST_RADIANS if self.angles else inf
 
     def from_wire(self, number: Number) -> Number:
         """The value in `unit`; degrees to 4 decimals, which is finer than the wire's 6 decimals of a radian."""

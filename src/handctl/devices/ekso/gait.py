@@ -14,6 +14,7 @@ from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequen
 from dataclasses import dataclass, field, replace
 from itertools import accumulate, chain, pairwise, zip_longest
 from math import sqrt
+from operator import sub
 from typing import NamedTuple
 
 from handctl.devices.ekso.log_reader import LogFile
@@ -164,10 +165,10 @@ def stretches(log: LogFile) -> list[Stretch]:
         reading.take(parts)
         for number, part in parts.items():
             one = found.setdefault(number, Stretch(number, array("d"), {name: array("d") for name in quantities}))
-            one.t.extend(t_ms / 1000 for t_ms in part.t_ms)
+            one.t.extend([t_ms / 1000 for t_ms in part.t_ms])
             for name, quantity in quantities.items():
                 scale = 10**quantity.decimals
-                one.signals[name].extend(n / scale for n in log.numbers(quantity).of(part.columns[COLUMNS[name]]))
+                one.signals[name].extend([n / scale for n in log.numbers(quantity).of(part.columns[COLUMNS[name]])])
     made = []
     for one in found.values():
         first = reading.found.segments[one.number].first_row
@@ -184,7 +185,8 @@ def walk_of(log: LogFile) -> Walk:
 def walk_in(found: Sequence[Stretch]) -> Walk:
     """What these segments show."""
     walk = Walk(stretches=list(found))
-    dead = _dead(found, walk.remarks)
+    period = _period(found)
+    dead = _dead(found, period, walk.remarks)
     for side in SIDES:
         if all(f"{side}_{name}" in dead for name in SENSORS):
             walk.remarks.append(f"the {side} foot has no working sensor, so its steps are not known")
@@ -204,24 +206,24 @@ def walk_in(found: Sequence[Stretch]) -> Walk:
             sensors = {name: rows for name, rows in alive.items() if name.startswith(side) and rows >= FEWEST}
             contacts[side] += _contacts(stretch, side, sensors, walk.remarks)
     walk.steps = sorted(_judged(contacts, gaps, found), key=lambda step: (step.segment, step.contact, step.side))
-    walk.figures = list(_figures(walk.taken, _period(found)))
+    walk.figures = list(_figures(walk.taken, period))
     return walk
 
 
 # -- sensors ------------------------------------------------------------------------------------------------------
 
 
-def _dead(found: Sequence[Stretch], remarks: list[str]) -> set[str]:
+def _dead(found: Sequence[Stretch], period: float, remarks: list[str]) -> set[str]:
     """The sensors that never change, or that only drift."""
-    lag = max(1, round(WITHIN / (_period(found) or WITHIN)))
+    lag = max(1, round(WITHIN / (period or WITHIN)))
     ranges, bends = {}, {}
     for sensor in (f"{side}_{name}" for side in SIDES for name in SENSORS):
         every = [stretch.signals[sensor] for stretch in found]
         if not (values := Ordered(chain(*every))):
             continue
         ranges[sensor] = _upper(values) - values[len(values) // 100]
-        triples = (zip(one[::5], one[lag::5], one[2 * lag :: 5], strict=False) for one in every)
-        bends[sensor] = _upper(Ordered(abs(a - 2 * b + c) for a, b, c in chain(*triples)))
+        triples = chain(*(zip(one[::5], one[lag::5], one[2 * lag :: 5], strict=False) for one in every))
+        bends[sensor] = _upper(Ordered([abs(a - 2 * b + c) for a, b, c in triples]))
     dead = set()
     for sensor, bend in bends.items():
         if ranges[sensor] < DEAD or bend < ONLY_DRIFTS * max(bends.values()):
@@ -312,12 +314,8 @@ def _blocks(t: Sequence[float], values: Sequence[float], most: int) -> Blocks:
         if gain[place] < FLAT * usual:
             nearest = min(walks, key=lambda one: abs(one - place))
             offset[place], gain[place] = offset[nearest], gain[nearest]
-    steps = Ordered(
-        abs(b - a)
-        for (begin, end), bare in zip(rows, offset, strict=True)
-        for a, b in pairwise(values[begin : min(end + 1, most)])
-        if a < bare + 0.1 * usual
-    )
+    pieces = zip((pairwise(values[begin : min(end + 1, most)]) for begin, end in rows), offset, strict=True)
+    steps = Ordered([abs(b - a) for piece, bare in pieces for a, b in piece if a < bare + 0.1 * usual])
     return Blocks(offset, gain, rows, 1.05 * steps[len(steps) // 2] if steps else 0.0)
 
 
@@ -415,7 +413,7 @@ def _without_bounces(t: Sequence[float], edges: Sequence[int], *, down_first: bo
 
 def _period(found: Sequence[Stretch]) -> float:
     """Seconds between two samples."""
-    steps = Ordered(b - a for stretch in found for a, b in pairwise(stretch.t))
+    steps = Ordered(chain(*(map(sub, stretch.t[1:], stretch.t) for stretch in found)))
     return steps[len(steps) // 2] if steps else 0.0
 
 

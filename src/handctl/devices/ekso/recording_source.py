@@ -188,6 +188,7 @@ class RowLayout(Layout):
     def __init__(self, *, raw: bool) -> None:
         self.shown = tuple(quantity for quantity in DATA if quantity.name not in BOOT_WORDS)
         self.columns = tuple(column_of(quantity) for quantity in self.shown)
+        self._named = next(at for at, quantity in enumerate(self.shown) if quantity.name == NAMED)
         self.raw = raw
         names = [name for name, _ in LEAD]
         for quantity in self.shown:
@@ -206,13 +207,10 @@ class RowLayout(Layout):
 
     def line(self, stamp: Stamp, values: Sequence[int], mark: str) -> str:
         """One row of the 27 words."""
-        texts = stamp.texts()
-        for quantity in self.shown:
-            number = quantity.raw_of(values[quantity.word])
-            texts.append(text_of(quantity, number))
-            if quantity.name == NAMED:
-                texts.append(quoted(state_text(number)))
-        texts.append(quoted(mark))
+        numbers = [quantity.raw_of(values[quantity.word]) for quantity in self.shown]
+        cells = list(map(text_of, self.shown, numbers))
+        cells.insert(self._named + 1, quoted(state_text(numbers[self._named])))
+        texts = [*stamp.texts(), *cells, quoted(mark)]
         if self.raw:
             texts += [str(word & 0xFFFF) for word in values]
         return ",".join(texts) + "\r\n"

@@ -375,8 +375,6 @@ class Device(Model):
         return data[:place] + bytes([data[place] | 128]) + data[place + 1 :]
 
 
-def _finite(value: object) -> float | None:
+def _finite(value: Any) -> float | None:
     """A number of ordinary size; JSON's true and Python's NaN are none."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not -1e15 < value < 1e15:
-        return None
-    return float(value)
+    return float(value) if type(value) in (int, float) and -1e15 < value < 1e15 else None

@@ -6,6 +6,7 @@ says JSON, a buffer of 2048 bytes, and no more: no delimiter, no acknowledge. Wh
 
 from __future__ import annotations
 
+import re
 from functools import lru_cache
 
 from handctl.sim.aidin.mechanics import Hand
@@ -19,6 +20,8 @@ BLANKS = b" \t\r\n\0"
 RADIANS = 0.017453292519943295  # of one degree
 BETWEEN = {"newline": "\n", "none": "", "nul": "\0", "blank": " ", "crlf": "\r\n"}
 LAYOUTS = {"compact": (",", ":", ""), "blanks": (", ", ": ", ""), "indented": (",", ": ", "\n  ")}
+WHOLE = re.compile(rb'\{[^{}"]*(?:"[^"\\]*"[^{}"]*)*\}')
+"""A flat object without escapes, as what follows the braces byte by byte would find it."""
 LONG_GARBAGE = 71680  # bytes without a closing brace
 
 TEXT_OPTIONS = {
@@ -72,22 +75,29 @@ class Reader:
             reads = [data[at : at + self._longest] for at in range(0, len(data), self._longest)]
             found = [self._parse(read.partition(b"\0")[0]) for read in reads]
         elif self._style == "tolerant":
-            found = [self._step(byte) for byte in data]
+            found = self._steps(data)
         else:
             found = [self._split(byte, 10 if self._style == "lines" else 0) for byte in data]
         return [one for one in found if one is not None]
 
+    def _steps(self, data: bytes) -> list[dict[str, Any] | None]:
+        """What comes in one piece, as nearly all does, is taken in one step."""
+        found, at = [], 0
+        while at < len(data):
+            whole = None if self._depth else WHOLE.match(data, at, at + self._longest)
+            found.append(self._parse(whole.group()) if whole else self._step(data[at]))
+            at = whole.end() if whole else at + 1
+        return found
+
     def _step(self, byte: int) -> dict[str, Any] | None:
         """One byte more: braces are counted outside strings, so an object may be cut anywhere."""
-        if not self._depth:
-            if byte != 123:
-                self.dropped += byte not in BLANKS
-                return None
-            self._depth = 1
-            self._text.append(byte)
+        if not self._depth and byte != 123:
+            self.dropped += byte not in BLANKS
             return None
         self._text.append(byte)
-        if self._escaped:
+        if not self._depth:
+            self._depth = 1
+        elif self._escaped:
             self._escaped = False
         elif self._quoted:
             self._escaped = byte == 92

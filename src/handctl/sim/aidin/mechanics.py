@@ -62,15 +62,6 @@ class Motor:
         """From here the motor opens by so many counts and no further."""
         self.floor = max(0.0, self.place - gives)
 
-    def reading(self) -> int:
-        return round(self.place - self.origin)
-
-    def rests(self) -> bool:
-        """Without power, or where it was sent to, and not held back from it."""
-        return self.drive == "off" or (
-            self.place == self.goal and self.drive == "position" and 0.0 <= self.place <= self.ceiling
-        )
-
     def run(self, seconds: float, torque: int) -> None:
         """Lets time pass; `torque` is the current limit, which limits the speed as well."""
         self.origin += self.slip * seconds
@@ -172,7 +163,8 @@ class Hand:
         if seconds > 0.0:
             self.warm += seconds
             for motor in self.motors:
-                if motor.slip or not motor.rests():
+                there = motor.place == motor.goal and motor.drive == "position" and 0.0 <= motor.place <= motor.ceiling
+                if motor.slip or not (there or motor.drive == "off"):
                     motor.run(seconds, self.torque)
 
     # -- commands ------------------------------------------------------------------------------------------------------
@@ -205,7 +197,7 @@ class Hand:
     # -- readings ------------------------------------------------------------------------------------------------------
 
     def encoders(self) -> list[int]:
-        return [motor.reading() for motor in self.motors]
+        return [round(motor.place - motor.origin) for motor in self.motors]
 
     def joints(self, counts: list[int]) -> list[float]:
         """q1 q2 q3 q4 of each finger, degrees, from the encoders as the firmware has to."""

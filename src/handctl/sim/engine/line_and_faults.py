@@ -100,8 +100,8 @@ class Plug:
         """When that changes next."""
         if not self.plan and self.until <= now:
             return None
-        moments = [self.until, *(self._start + edge for at, seconds in self.plan for edge in (at, at + seconds))]
-        return min((moment for moment in moments if now < moment < float("inf")), default=None)
+        moments = [self.until, *[self._start + edge for at, seconds in self.plan for edge in (at, at + seconds)]]
+        return min([moment for moment in moments if now < moment < float("inf")], default=None)
 
 
 def _seconds(text: str) -> float:

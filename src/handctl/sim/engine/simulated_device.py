@@ -56,17 +56,14 @@ class Random:
     def __init__(self, seed: int) -> None:
         self._state = (seed * 2654435761 + 2463534242) % 4294967296 or 1
 
-    def _next(self) -> int:
+    def between(self, low: int, high: int) -> int:
+        """A whole number, both ends included."""
         state = self._state
         state ^= (state << 13) % 4294967296
         state ^= state >> 17
         state ^= (state << 5) % 4294967296
         self._state = state
-        return state
-
-    def between(self, low: int, high: int) -> int:
-        """A whole number, both ends included."""
-        return low + (self._next() >> 3) % (high - low + 1)
+        return low + (state >> 3) % (high - low + 1)
 
     def junk(self, count: int, liked: bytes) -> bytes:
         """`count` bytes; every second one, about, is one of `liked` (the header bytes of the protocol)."""
