@@ -39,7 +39,7 @@ from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
 
 if TYPE_CHECKING:
-    from handctl.link import Link
+    from handctl.link import Deadline, Link
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
     from handctl.screen.render import Context
@@ -277,6 +277,10 @@ class Run(Invocation):
                     self.ledger.renamed = access.renamed
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
+
+    def bound(self, link: Link, seconds: float) -> Deadline:
+        """When this command must end, by the clock of its open `link`: where there is no --deadline, `seconds` from now."""
+        return link.deadline(seconds if self.end is None else self.end - link.now())
 
     @property
     def stopped(self) -> HandctlError | None:

@@ -107,4 +107,22 @@ ROWS = (
         "if False:",
         "tests/tools/test_terminal.py::test_ctrl_d_before_the_reply_leaves_nothing_moving",
     ),
+    mistake(
+        "doctor-begins-its-deadline-anew",
+        "a deadline that is not kept",
+        "handctl.command.run",
+        "Run.bound",
+        "return link.deadline(seconds if self.end is None else self.end - link.now())",
+        "return link.deadline(seconds if self.end is None else self.settings.deadline)",
+        "tests/tools/test_doctor.py::test_the_search_and_the_checks_have_one_deadline",
+    ),
+    mistake(
+        "report-holds-what-acts-on-a-terminal",
+        "text of a device acts on a terminal",
+        "handctl.report.html",
+        "_data",
+        'acting = [letter for letter in set(text) if letter in "<>&" or not letter.isprintable()]',
+        'acting = [letter for letter in set(text) if letter in "<>&"]',
+        "tests/tools/test_report.py::test_the_data_of_a_page_act_on_no_terminal",
+    ),
 )
