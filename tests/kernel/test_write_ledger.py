@@ -231,3 +231,13 @@ def test_a_plan_told_twice_is_one_plan() -> None:
 )
 def test_a_claim_that_nothing_was_sent_is_taken_out_of_a_text(text: str, left: str) -> None:
     assert honest(text).rstrip(".") == left.rstrip(".")
+
+
+def test_the_abort_of_a_stop_counts_in_the_bytes_of_every_speed() -> None:
+    found = Ledger()
+    found.words = words()
+    pass_all(found, ">\3")  # of a connection: nothing was to be stopped
+    found.plan([Step("^C", b"\3", moves=True)])
+    pass_all(found, ">\3", ">\0\3", ">\3")
+    assert [(row["bytes"], row["count"], row["last"]) for row in found.rows()] == [("03", 3, "03")]
+    assert found.going == [None]
