@@ -318,9 +318,9 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
 
     def device(on: Link, journal: Journal) -> Any:
         """On this connection, or on another one: what is left of the time is left for both."""
-        left = max(bound.remaining, 0.001) if run.end is not None else LINK_SECONDS
         timeout = run.settings.timeout or PING_TIMEOUT
-        return family.open(on, run.settings._replace(retries=0, timeout=timeout, deadline=left), journal)
+        settings = run.settings._replace(retries=0, timeout=timeout, deadline=LINK_SECONDS)
+        return family.open(on, run.in_time(link, settings), journal)
 
     looking = LinkChecks(link, probe, lambda on: device(on, run.journal), reads, bound, run.journal)
     run.prompts.progress(f"{name}: reading {reads} times")

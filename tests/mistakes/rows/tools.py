@@ -125,4 +125,22 @@ ROWS = (
         'acting = [letter for letter in set(text) if letter in "<>&"]',
         "tests/tools/test_report.py::test_the_data_of_a_page_act_on_no_terminal",
     ),
+    mistake(
+        "service-gives-the-next-step-a-deadline-of-its-own",
+        "a deadline that is not kept",
+        "handctl.tools.service_steps",
+        "Service._next",
+        "if not one.leaf.only_reads or not self.reached or late:",
+        "if not one.leaf.only_reads or not self.reached:",
+        "tests/tools/test_service.py::test_all_steps_and_the_one_that_follows_have_one_deadline",
+    ),
+    mistake(
+        "a-device-begins-its-deadline-anew",
+        "a deadline that is not kept",
+        "handctl.command.run",
+        "Run.in_time",
+        "return settings if self.end is None else settings._replace(deadline=max(self.end - link.now(), 0.001))",
+        "return settings",
+        "tests/tools/test_service.py::test_all_steps_and_the_one_that_follows_have_one_deadline",
+    ),
 )
