@@ -184,7 +184,8 @@ def test_nobody_there_is_a_report_too() -> None:
 def test_all_steps_and_the_one_that_follows_have_one_deadline(device: str) -> None:
     args = ("--family", "exo", "--follow", "--deadline", "2", "--report", "r.html", "--force", *QUICK, "--json")
     with spying() as spy:
-        assert run("service", f"fake://{device}&clock=virtual", *args).code == 7
+        result = run("service", f"fake://{device}&clock=virtual", *args)
+    assert (result.code, result.json["service"]["next"]["state"]) == (7, "proposed")
     assert sum(line.now for line in spy.lines) < 2.1
 
 

@@ -610,7 +610,7 @@ ROWS = (
     ),
     mistake(
         "ledger-knows-an-abort-at-one-speed",
-        "a write that is not listed",
+        "a stop is missing from what was written",
         LEDGER,
         "Ledger._note",
         "asked = (frame.group if frame.unasked and frame.group else frame.same) in self._asked",

@@ -109,7 +109,7 @@ ROWS = (
     ),
     mistake(
         "doctor-begins-its-deadline-anew",
-        "a deadline that is not kept",
+        "deadline ignored",
         "handctl.command.run",
         "Run.bound",
         "return link.deadline(seconds if self.end is None else self.end - link.now())",
@@ -127,7 +127,7 @@ ROWS = (
     ),
     mistake(
         "service-gives-the-next-step-a-deadline-of-its-own",
-        "a deadline that is not kept",
+        "deadline ignored",
         "handctl.tools.service_steps",
         "Service._next",
         "if not one.leaf.only_reads or not self.reached or late:",
@@ -136,7 +136,7 @@ ROWS = (
     ),
     mistake(
         "a-device-begins-its-deadline-anew",
-        "a deadline that is not kept",
+        "deadline ignored",
         "handctl.command.run",
         "Run.in_time",
         "return settings if self.end is None else settings._replace(deadline=max(self.end - link.now(), 0.001))",
