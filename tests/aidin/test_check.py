@@ -296,3 +296,10 @@ def test_a_finger_that_turns_unseen_is_sent_back_at_once_and_left_alone() -> Non
 def test_only_a_hand_that_is_back_is_said_to_be(fault: str, state: str) -> None:
     done = run("aidin", "check", "-y", "--json", "-p", f"fake://aidin?clock=virtual&start=open&rate=50{fault}")
     assert [write["state"] for write in done.json["writes"]] == [state]
+
+
+@each_row("rate", [7, 9])
+def test_the_last_object_is_heard_of(rate: int) -> None:
+    hand, link = simulated(start="open", rate=rate)
+    assert found(check(hand, Prompts())) == {}
+    assert hand.conversation.feedback_at == link.now()

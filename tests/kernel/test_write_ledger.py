@@ -231,3 +231,26 @@ def test_a_plan_told_twice_is_one_plan() -> None:
 )
 def test_a_claim_that_nothing_was_sent_is_taken_out_of_a_text(text: str, left: str) -> None:
     assert honest(text).rstrip(".") == left.rstrip(".")
+
+
+def test_the_abort_of_a_stop_counts_in_the_bytes_of_every_speed() -> None:
+    found = Ledger()
+    found.words = words()
+    pass_all(found, ">\3")  # of a connection: nothing was to be stopped
+    found.plan([Step("^C", b"\3", moves=True)])
+    pass_all(found, ">\3", ">\0\3", ">\3")
+    assert [(row["bytes"], row["count"], row["last"]) for row in found.rows()] == [("03", 3, "03")]
+    assert found.going == [None]
+
+
+def test_the_abort_behind_one_that_ended_a_movement_counts_too() -> None:
+    found = Ledger()
+    found.words = words()
+    pass_all(
+        found, ">1C\r", "<1C\n\r", ">\3", "<\n\r=> ", ">!\0\r", "<!\0\n\rERR 32\n\r=> ", ">\3", "<\n\r=> ", ">1T\r"
+    )
+    assert [(row["bytes"], row.get("count", 1)) for row in found.rows()] == [
+        ("31 43 0D", 1),
+        ("03", 2),
+        ("31 54 0D", 1),
+    ]

@@ -24,7 +24,7 @@ from handctl.tools.doctor import port_checks
 from handctl.tools.doctor_link import LinkChecks
 from handctl.tools.family_probe import probe_of
 from handctl.tools.port_inventory import needed
-from tests.support.cli import Result, Simulator, run, sent, wait_until, writes
+from tests.support.cli import Result, Simulator, run, sent, spying, wait_until, writes
 from tests.support.each_row import each_row
 from tests.support.machine import System
 from tests.support.places import PROJECT
@@ -536,3 +536,11 @@ def test_the_table(system: System) -> None:
 def test_plain_and_csv(system: System) -> None:
     assert run("doctor", "--format", "plain").lines[0] == "python\tok"
     assert run("doctor", "--csv").lines[0] == "check,status,evidence,remedy"
+
+
+@each_row("device", ["exo?fault=bad-checksum", "wrist?fault=bad-checksum", "exo?fault=truncate"])
+def test_the_search_and_the_checks_have_one_deadline(device: str) -> None:
+    with spying() as spy:
+        answer = run("doctor", "-p", f"fake://{device}&clock=virtual", "--deadline", "2", "--json")
+    assert answer.code == 7
+    assert spy.now == pytest.approx(2.0, abs=0.01)

@@ -355,6 +355,13 @@ def test_the_data_of_a_page_cannot_end_it() -> None:
     assert "b" not in seen.count
 
 
+def test_the_data_of_a_page_act_on_no_terminal() -> None:
+    acting = {"\x9b31m": "\u202eexe.gpj\x7f", "k": ["\u2028", "\U000e0041é手", "\udc80"]}
+    text = page(made(data=acting))
+    assert text.replace("\n", "").isprintable()
+    assert Page(text).data == {**acting, "k": ["\u2028", "\U000e0041é手", "\\x80"]}
+
+
 def test_an_incomplete_page_says_so_first() -> None:
     content = made(problems=[("dump", NoAnswer("no answer", hint="look at the cable"))], missing={"Status": "not read"})
     text = Page(page(content)).text

@@ -19,7 +19,7 @@ from handctl.link.transcript import parse
 from handctl.model.device_picture import remedies_of
 from handctl.tools import doctor, service_steps
 from handctl.tools.service import STEPS
-from tests.support.cli import Result, run
+from tests.support.cli import Result, run, spying
 from tests.support.each_row import each_row
 from tests.support.machine import System
 from tests.support.page import Page
@@ -178,6 +178,15 @@ def test_nobody_there_is_a_report_too() -> None:
     assert result.code == 7
     assert set(steps(result).values()) == {"done", "not-reached"}
     assert data()["service"]["steps"]["status"] == {"state": "failed", "code": "not-reached"}
+
+
+@each_row("device", ["exo?fault=silent", "exo?fault=bad-checksum", "ekso?fault=split", "wrist?fault=silent&after=8"])
+def test_all_steps_and_the_one_that_follows_have_one_deadline(device: str) -> None:
+    args = ("--family", "exo", "--follow", "--deadline", "2", "--report", "r.html", "--force", *QUICK, "--json")
+    with spying() as spy:
+        result = run("service", f"fake://{device}&clock=virtual", *args)
+    assert (result.code, result.json["service"]["next"]["state"]) == (7, "proposed")
+    assert sum(line.now for line in spy.lines) < 2.1
 
 
 def test_no_port_is_a_finding() -> None:

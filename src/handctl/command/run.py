@@ -39,7 +39,7 @@ from handctl.screen.sanitize import text_shown
 from handctl.wording import honest
 
 if TYPE_CHECKING:
-    from handctl.link import Link
+    from handctl.link import Deadline, Link
     from handctl.model.param import Changes, Step
     from handctl.model.prompts import Prompts
     from handctl.screen.render import Context
@@ -230,7 +230,7 @@ class Run(Invocation):
             return before
         if self.writes:
             settings = settings._replace(own={**settings.own, **implied(self.family.kind)})
-        opened = self.family.open(link, settings, self.journal)
+        opened = self.family.open(link, self.in_time(link, settings), self.journal)
         opened.options = settings
         facts = {key: settings.own[key] for key, source in self.sources.items() if source.level == FACTS}
         if facts:
@@ -244,7 +244,7 @@ class Run(Invocation):
         """A further device of this family, at another LINK, let go of with the first. Raises UsageError, LinkError."""
         other = copy(self)  # it says, counts and writes in the same place, but has a link, a lock and a line of its own
         if self.end is not None and self.link is not None:
-            settings["deadline"] = max(self.end - self.link.now(), 0.001)
+            settings["deadline"] = self.in_time(self.link, self.settings).deadline
         given = {"port": link, "fake": False, "wire": None, "device": None, "kind": None, **settings}
         other.settings = self.settings.having(given)
         other.connection = Connection(self.connection.trace)
@@ -277,6 +277,14 @@ class Run(Invocation):
                     self.ledger.renamed = access.renamed
             self.end = link.now() + settings.deadline if (settings := self.settings).deadline is not None else None
         return self.link
+
+    def bound(self, link: Link, seconds: float) -> Deadline:
+        """When this command must end, by the clock of its open `link`: where there is no --deadline, `seconds` from now."""
+        return link.deadline(seconds if self.end is None else self.end - link.now())
+
+    def in_time(self, link: Link, settings: Settings) -> Settings:
+        """The same with what is left of --deadline by the clock of the open `link`: it was opened earlier, or another one."""
+        return settings if self.end is None else settings._replace(deadline=max(self.end - link.now(), 0.001))
 
     @property
     def stopped(self) -> HandctlError | None:

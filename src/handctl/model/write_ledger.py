@@ -37,7 +37,7 @@ class Frame(NamedTuple):
     key       names it in its acknowledgement, None where the protocol has none
     same      equals that of the planned step that it is: its bytes without a running number
     group     frames of one group in a row are one step, as the 50 objects a second of a movement; "" = a step of its own
-    unasked   counts only where it was planned, as the ^C that a connection begins with
+    unasked   counts only where it was planned, or behind one of its group that counts, as the ^C that a connection begins with
     meaning   what it says where its bytes alone do not show that; "" = they do
     next      what to do if nothing confirms it, where the bytes alone do not show that
     lasts     seconds that what it starts may last, if no command stops that, such as a calibration; 0 = nothing of the kind
@@ -194,7 +194,7 @@ class Ledger:
         """Each change of an id that was shown, before and after."""
         self._stops: set[Hashable] = set()  # the planned steps that stop the device
         self._moves = False  # whether any step that was planned moves the device
-        self._asked: set[Hashable] = set()  # what of the plan went out
+        self._asked: set[Hashable] = set()  # what of the plan went out, and the groups of what counts
 
     # -- what is meant -------------------------------------------------------------------------------------------
 
@@ -274,12 +274,15 @@ class Ledger:
         if frame.lasts:
             self.unstoppable(frame.to, frame.lasts)
         planned = self._planned(frame.same)
+        # ^C has other bytes at another speed, and may be repeated behind one that ended a movement.
+        asked = (frame.group if frame.unasked and frame.group else frame.same) in self._asked
         if planned is not None:
             self._asked.add(frame.same)
-        elif frame.unasked and frame.same not in self._asked:
+        elif frame.unasked and not asked:
             return
+        self._asked.add(frame.group)
         # Of one that no plan has it is not known whether it moves.
-        moves = self.drives or (planned.moves if planned is not None else frame.same not in self._asked)
+        moves = self.drives or (planned.moves if planned is not None else not asked)
         if self._repeats:
             self.halted.add(frame.to)
         elif moves and frame.to not in self.going:

@@ -159,16 +159,13 @@ def _outlines(report: Report) -> str:
 
 
 def _data(report: Report) -> str:
-    """The report for a program: a script that no browser runs. Nothing in it can end it."""
+    """The report for a program: a script that no browser runs. Nothing in it can end it, or act on who reads the file."""
     if not report.data:
         return ""
-    text = (
-        in_json(json.dumps(report.data, ensure_ascii=False))
-        .replace("<", "\\u003c")
-        .replace(">", "\\u003e")
-        .replace("&", "\\u0026")
-    )
-    return f"<{PAGE_DATA}>{text}</script>\n"
+    text = in_json(json.dumps(report.data, ensure_ascii=False))
+    acting = [letter for letter in set(text) if letter in "<>&" or not letter.isprintable()]
+    escapes = {ord(one): "\\u" + one.encode("utf-16-be").hex(" ", 2).replace(" ", "\\u") for one in acting}
+    return f"<{PAGE_DATA}>{text.translate(escapes)}</script>\n"
 
 
 def _empty(report: Report, section: str) -> str:

@@ -169,9 +169,9 @@ class DeviceAccess:
 
     def remember(self, run: Invocation) -> None:
         """This run has met its device, see `Lock.remember`. What cannot be on one line with it is no longer behind this link."""
-        if self._lock is None:
-            return
         assert run.family is not None
+        if self._lock is None or run.family.kind not in FAMILIES:  # `doctor` does not know whom it has met
+            return
         met, link = self._reached(run), self.link
         if isinstance(link, ByteLink) and link.can_set_baud and run.family.recall is None:
             usual = run.settings.baud or run.family.baud

@@ -308,27 +308,26 @@ def examine(run: Run, machine: Machine, kind: str | None, reads: int) -> Iterato
     speed = getattr(link, "baud", None)
     yield Check("open", "ok", f"{name} opens" + (f" at {speed} bit/s" if speed else ""))
     if kind is None:
-        found, number, check = present(run, link, link.deadline(run.settings.deadline or FIND_SECONDS))
+        found, number, check = present(run, link, run.bound(link, FIND_SECONDS))
         if kind := found or None:
             run.family = family_of(kind)
             run.settings = run.settings._replace(id=run.settings.id or number)
         yield check
-    seconds = run.settings.deadline or LINK_SECONDS
-    settings = run.settings._replace(retries=0, timeout=run.settings.timeout or PING_TIMEOUT, deadline=seconds)
+    bound = run.bound(link, LINK_SECONDS)
     family, probe = run.family, probe_of(kind) if kind is not None else None
 
-    def device(on: Link) -> Any:
-        return family.open(on, settings, run.journal)
+    def device(on: Link, journal: Journal) -> Any:
+        """On this connection, or on another one: what is left of the time is left for both."""
+        timeout = run.settings.timeout or PING_TIMEOUT
+        settings = run.settings._replace(retries=0, timeout=timeout, deadline=LINK_SECONDS)
+        return family.open(on, run.in_time(link, settings), journal)
 
-    looking = LinkChecks(link, probe, device, reads, link.deadline(seconds), run.journal)
+    looking = LinkChecks(link, probe, lambda on: device(on, run.journal), reads, bound, run.journal)
     run.prompts.progress(f"{name}: reading {reads} times")
     try:
         yield from looking.run()
         if probe is not None and looking.device is not None:
-            # the same device on a connection of its own
-            yield from _on_network(
-                machine, name, probe, looking.device, lambda on: family.open(on, settings, Journal())
-            )
+            yield from _on_network(machine, name, probe, looking.device, lambda on: device(on, Journal()))
     except LinkError as exc:
         yield Check("connection", "fail", exc.text, exc.hint)
     finally:
@@ -368,7 +367,7 @@ def present(run: Run, link: Link, bound: Deadline) -> tuple[str, int | None, Che
     search, was = Search(link.name), getattr(link, "baud", None)
     LinkScan(run, link, search, [run.settings.id or 1], False, bound).at(wire_of(link.name), SCAN_ORDER)
     if isinstance(link, ByteLink):
-        listened(link, link.deadline(LATE))  # answers that came too late are nobody's
+        listened(link, link.deadline(LATE).earlier(bound))  # answers that came too late are nobody's
     if search.rows:
         row = search.rows[0]
         speed = row.get("baud") if has_speed(link) else None

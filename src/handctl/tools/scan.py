@@ -33,7 +33,7 @@ from handctl.command.options import scan_options
 from handctl.command.run import Run
 from handctl.errors import Hint, Interrupted, LinkError, UsageError
 from handctl.families import FAMILIES, SCAN_ORDER
-from handctl.link import ByteLink, Deadline, Link, is_can, open_link
+from handctl.link import ByteLink, Link, is_can, open_link
 from handctl.link.device_lock import Lock, hold
 from handctl.link.transcript import TraceFile, TraceWriter, observed
 from handctl.model.result import Journal, Table
@@ -92,7 +92,7 @@ def scan_family(run: Run, ids: str | None, find_all: bool) -> Table:
     link = run.open_link()
     was = getattr(link, "baud", None)
     search = Search(link.name)
-    bound = link.deadline(LONG) if run.end is None else Deadline(link.now, run.end)
+    bound = run.bound(link, LONG)
     try:
         LinkScan(run, link, search, chosen, find_all, bound).at(_wire(link, name), (family.kind,))
     finally:

@@ -430,7 +430,8 @@ class Service:
         except (HandctlError, click.exceptions.Exit):
             return found
         found["command"] = shlex.join(["handctl", *words])
-        if not one.leaf.only_reads or not self.reached:
+        late = run.end is not None and run.link is not None and run.link.now() >= run.end
+        if not one.leaf.only_reads or not self.reached or late:
             return found
         if self.wishes.follow or self._asked(
             lambda: run.offer(f"Next: {found['text']} `{found['command']}` only reads")
@@ -440,7 +441,9 @@ class Service:
         return found
 
     def _followed(self, call: Call, leaf: Any) -> Iterator[Check]:
-        """Carry out a command that only reads, on a link of its own."""
+        """Carry out a command that only reads, on a link of its own, in what is left of --deadline."""
+        if self.run.link is not None:
+            call.settings = self.run.in_time(self.run.link, call.settings)
         self.run.close(None)
         self.visit.lines.append(f"# {call.command}")
         observed(call.open_link(), self.tap)

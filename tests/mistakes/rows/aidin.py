@@ -361,7 +361,7 @@ ROWS = (
         "evidence believed",
         "handctl.devices.aidin.motor_and_sensor_check",
         "check",
-        "if mover.back and any(trip.moved(trip.index) for trip in trips if trip is not None):",
+        "if back and any(trip.moved(trip.index) for trip in trips if trip is not None):",
         "if any(trip.moved(trip.index) for trip in trips if trip is not None):",
         "tests/aidin/test_check.py::test_only_a_hand_that_is_back_is_said_to_be",
     ),
@@ -409,5 +409,14 @@ ROWS = (
         "if encoders and all(value == 0 for value in encoders):",
         "if encoders and not any(encoders):",
         "tests/aidin/test_faults.py::test_the_rest_of_a_damaged_answer_is_there",
+    ),
+    mistake(
+        "aidin-check-believes-what-came-before-the-last-object",
+        "stale input believed",
+        "handctl.devices.aidin.motor_and_sensor_check",
+        "check",
+        "hand.conversation.check_answered()  # what came before the last object proves nothing of it",
+        "pass",
+        "tests/aidin/test_check.py::test_the_last_object_is_heard_of",
     ),
 )

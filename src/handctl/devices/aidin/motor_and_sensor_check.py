@@ -411,8 +411,10 @@ def check(hand: AidinHand, prompts: Prompts) -> Table:
     with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts):  # after one nobody sees the fingers
         mover = _Mover(hand, prompts, start)
         trips = mover.all()
+        hand.conversation.check_answered()  # what came before the last object proves nothing of it
+        back = mover.back
     table = table_of(findings(rest, trips), causes=("motors",))
-    if mover.back and any(trip.moved(trip.index) for trip in trips if trip is not None):
+    if back and any(trip.moved(trip.index) for trip in trips if trip is not None):
         ledger.confirm("motors moved there and back, according to the feedback", since=begun)
     hand.journal.info("left", LEFT, hint=Hint("{} frees the fingers", "aidin stop"))
     return table
