@@ -359,6 +359,16 @@ def test_motors_that_are_not_seen_standing_have_reached_nothing() -> None:
     assert caught.value.code == "moving" and ABORT in link.sent[link.sent.index(b"1M 900\r") :]
 
 
+@each_row(("late", "name"), [("0.45", "C"), ("0.6", "HOME"), ("0.6", "TC"), ("0.9", "M")])
+def test_on_a_late_line_no_answer_behind_a_movement_is_taken_for_another(late: str, name: str) -> None:
+    """The question behind its prompt is answered late too, and that is waited for."""
+    tables = [
+        motion.move(simulated(f"initialized=1{fault}", timeout=1.0)[0], "1", name, None, Prompts())
+        for fault in ("", f"&fault=late&late={late}")
+    ]
+    assert tables[0].rows == tables[1].rows and [table.failure for table in tables] == [None, None]
+
+
 def test_a_slow_movement_is_waited_for() -> None:
     """max(20 s, 3 x the estimate from MCV and SAMPLE) (dossier 1.3): 17,000 counts at 1 count in 2.05 ms are 35 s."""
     hand, _ = simulated()

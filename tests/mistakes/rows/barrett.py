@@ -25,6 +25,15 @@ RESTORED = "tests/contract/test_restore_interrupted.py::test_an_interrupted_rest
 
 ROWS = (
     mistake(
+        "barrett-a-late-answer-to-the-question-is-not-waited-for",
+        "resynchronised wrongly",
+        LINE,
+        "GclLine._question",
+        "patience = max(PROMPT_WAIT, self.timeout or ECHO_SECONDS)",
+        "patience = PROMPT_WAIT",
+        "tests/barrett/test_motion.py::test_on_a_late_line_no_answer_behind_a_movement_is_taken_for_another",
+    ),
+    mistake(
         "barrett-any-number-behind-a-text-is-a-status",
         "evidence believed",
         LANGUAGE,

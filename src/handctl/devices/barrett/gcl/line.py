@@ -369,10 +369,11 @@ class GclLine(Line):
         return has_prompt(self._question())
 
     def _question(self) -> bytes:
-        """Send the question; what came until its answer."""
+        """Send the question; what came until its answer. An answer that is not waited for would be taken for that of the next command."""
         link = self.link
+        patience = max(PROMPT_WAIT, self.timeout or ECHO_SECONDS)
         link.write(QUESTION, link.deadline(1.0))
-        came, end = b"", link.deadline(PROMPT_WAIT + self.wire_seconds(16))
+        came, end = b"", link.deadline(patience + self.wire_seconds(16))
         last = link.deadline(LATEST)
         while not end.expired and not is_answer(came):
             chunk = self.until_prompt(end.remaining)
