@@ -359,6 +359,19 @@ def test_motors_that_are_not_seen_standing_have_reached_nothing() -> None:
     assert caught.value.code == "moving" and ABORT in link.sent[link.sent.index(b"1M 900\r") :]
 
 
+@each_row(("late", "after", "timeout", "name"), [
+    ("0.6", 0, 1.0, "HOME"), ("0.6", 1, None, "TC"), ("0.9", 0, 1.0, "M"), ("1.1", 3, 1.0, "C"), ("1.6", 1, 1.0, "HOME"), ("1.6", 2, None, "C"),
+])  # fmt: skip
+def test_on_a_late_line_no_answer_behind_a_movement_is_taken_for_another(
+    late: str, after: int, timeout: float | None, name: str
+) -> None:
+    """The question behind its prompt is answered late too, and that is waited for; numbers are not its answer."""
+    fault = f"&fault=late&late={late}&after={after}"
+    hands = [simulated(f"initialized=1{more}", timeout=timeout)[0] for more in ("", fault)]
+    tables = [motion.move(hand, "1", name, None, Prompts()) for hand in hands]
+    assert tables[0].rows == tables[1].rows and [table.failure for table in tables] == [None, None]
+
+
 def test_a_slow_movement_is_waited_for() -> None:
     """max(20 s, 3 x the estimate from MCV and SAMPLE) (dossier 1.3): 17,000 counts at 1 count in 2.05 ms are 35 s."""
     hand, _ = simulated()

@@ -25,6 +25,24 @@ RESTORED = "tests/contract/test_restore_interrupted.py::test_an_interrupted_rest
 
 ROWS = (
     mistake(
+        "barrett-numbers-answer-the-question",
+        "resynchronised wrongly",
+        CONNECTING,
+        "is_answer",
+        "return has_prompt(data) and question_in(data) and any(chr(one).isalpha() for one in answer_in(data) if one < 128)",
+        'return has_prompt(data) and question_in(data) and answer_in(data).strip(b"\\0\\r\\n=> ") != b""',
+        "tests/barrett/test_motion.py::test_on_a_late_line_no_answer_behind_a_movement_is_taken_for_another",
+    ),
+    mistake(
+        "barrett-a-late-answer-to-the-question-is-not-waited-for",
+        "resynchronised wrongly",
+        LINE,
+        "GclLine._question",
+        "if has_prompt(chunk) or chunk.endswith(QUESTION[:-1]):",
+        "if has_prompt(chunk):",
+        "tests/barrett/test_motion.py::test_on_a_late_line_no_answer_behind_a_movement_is_taken_for_another",
+    ),
+    mistake(
         "barrett-any-number-behind-a-text-is-a-status",
         "evidence believed",
         LANGUAGE,

@@ -84,6 +84,17 @@ def test_all_readings_are_those_of_eb90(wire: str) -> None:
     assert list(swapped) == bench.bytes_at(1500, 250)
 
 
+@pytest.mark.parametrize("pieces", [1, 300])
+@pytest.mark.parametrize(("size", "answer"), [(256, "01 AB 01"), (257, "")])
+def test_no_frame_is_longer_than_256_bytes(pieces: int, size: int, answer: str) -> None:
+    """A function that the hands do not have tells no length. On a line that is never silent, what came would have no end."""
+    bench = Bench()
+    data = bytes.fromhex(rtu("01 2B" + " 00" * (size - 4)))
+    step = -(-len(data) // pieces)
+    came = "".join(bench.ask(data[at : at + step].hex(" ")) for at in range(0, len(data), step))
+    assert came == (rtu(answer) if answer else "")
+
+
 def test_words_of_an_f1_are_registers() -> None:
     assert pdu("rtu", model="f1")("03 04 28 00 06") == "03 0C 03 E9 03 F3 03 FD 04 07 04 BA 05 28"
     assert pdu("rtu", model="f1")("06 04 10 03 E8") == "06 04 10 03 E8"

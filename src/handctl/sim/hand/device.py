@@ -121,6 +121,10 @@ def crc(data: bytes | bytearray) -> bytes:
     return struct.pack("<H", register)
 
 
+LONGEST_RTU = 256
+"""Bytes of the longest frame of Modbus RTU: what goes on behind them is none, whatever its function."""
+
+
 def rtu(number: int, pdu: bytes) -> bytes:
     """unit  function  ...  CRC"""
     body = bytes((number,)) + pdu
@@ -219,8 +223,8 @@ class Device(Serial, Front):
         if burst is None:
             return
         size = self._rtu_size(burst)
-        whole = len(burst) >= 4 and crc(burst[:-2]) == burst[-2:]
-        if size < 0 or 0 < size <= len(burst) or whole:
+        whole = 4 <= len(burst) <= LONGEST_RTU and crc(burst[:-2]) == burst[-2:]
+        if size < 0 or 0 < size <= len(burst) or whole or len(burst) >= LONGEST_RTU:
             self._burst = None
         if whole and size in (0, len(burst)):
             self._handle_rtu(bytes(burst[1:-2]))

@@ -34,6 +34,9 @@ LINE: Mapping[str, Codes] = {
 }  # fmt: skip
 """What the faults of a serial line come to where nothing else is known."""
 
+STOP = 1.9
+"""Seconds that a stop takes at most: a second until it is acknowledged, and 0.9 s in which the device has to stand."""
+
 
 @dataclass(frozen=True)
 class Wire:
@@ -63,6 +66,7 @@ class Variant:
     words     of the command line; None = those of the family
     more      fault -> further exit codes
     bound     virtual seconds that the command may take, which then need not come to an end; 0 = any
+    stop      further seconds for the stop of what it has set going
     """
 
     options: str = ""
@@ -73,6 +77,7 @@ class Variant:
     words: tuple[str, ...] | None = None
     more: Mapping[str, Codes] = field(default_factory=dict)
     bound: float = 0.0
+    stop: float = 0.0
 
 
 @dataclass(frozen=True)

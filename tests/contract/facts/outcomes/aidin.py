@@ -66,7 +66,7 @@ DEVICE: dict[str, dict[str, Codes]] = {
     **dict.fromkeys(("held", "stall"), every(0, home=7)),
     "numb-sensor": every(0, bias=7),
     "one-way": every(0, home=7, initial=7),
-    "creep": every(0, home=7, bias=7),
+    "creep": every(0, home=7, bias=7, stop=6),  # its encoder goes on: nothing tells it from a motor that does
 }  # fmt: skip
 MADE = (
     *("rate=10", "rate=500", "merge=5", "chunk=100", "between=none", "between=nul", "between=crlf", "layout=indented"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.contract.facts.outcomes import CLEARED, MOTOR_FAULTS, RIGHT, UNHEALTHY, Codes, Outcomes, Variant, Wire
+from tests.contract.facts.outcomes import CLEARED, MOTOR_FAULTS, RIGHT, STOP, UNHEALTHY, Codes, Outcomes, Variant, Wire
 from tests.inspire.exo_commands import COMMANDS, WRITING
 from tests.support.cli import FINGERS
 
@@ -19,13 +19,14 @@ LINE: dict[str, Codes] = {
     "refuse": RIGHT,
 }  # fmt: skip
 DEVICE: dict[str, dict[str, Codes]] = {
-    "strict": {}, "block-silent": {}, "no-late-frames": {}, "blocked": {"move": {7}},
+    "strict": {}, "block-silent": {}, "no-late-frames": {}, "blocked": {"move": {7}, "calibrate": {7}},
     "save-fails": {"save": {6}, "baud-save": {6}},
     "fresh": {"diff": {7}},
     "foreign": {key: {7} for key in ("status-check", "diff", "save", "baud-save", "factory-reset")},
     "baud-at-1002": {"baud-new": {7}, "baud-save": {7}},
-    "unknown-bits": {"status-check": {7}, "clear-errors": {7}},
-    **{key: dict(UNHEALTHY) for key in MOTOR_FAULTS},
+    # an actuator that reports an error has not shown that it was calibrated
+    "unknown-bits": {"status-check": {7}, "clear-errors": {7}, "calibrate": {7}},
+    **{key: {**UNHEALTHY, "calibrate": {7}} for key in MOTOR_FAULTS},
 }  # fmt: skip
 ALONE = ("id-new", "baud-new", "baud-save", "save", "factory-reset")
 FIXED = [command.name for command in COMMANDS if command.fixed_registers]
@@ -48,7 +49,7 @@ OUTCOMES = Outcomes(
         "every-2": Variant("every=2"),
         # a reply that is 0.6 s late may count as silence, and never as anything else
         "plain": Variant(words=(), more={"late": {4}}),
-        "deadline": Variant(words=("--deadline", "0.25", "--timeout", "1"), bound=0.26),
+        "deadline": Variant(words=("--deadline", "0.25", "--timeout", "1"), bound=0.26, stop=STOP),
         **{f"two-{seed}": Variant(f"fault=echo,noise,split&seed={seed}", {}, {"healthy"}) for seed in range(6)},
     },
     exceptions={

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.contract.facts.outcomes import CLEARED, MOTOR_FAULTS, RIGHT, Codes, Outcomes, Variant, Wire
+from tests.contract.facts.outcomes import CLEARED, MOTOR_FAULTS, RIGHT, STOP, Codes, Outcomes, Variant, Wire
 from tests.inspire.hand_commands import COMMANDS
 
 NAMES = ("status", "status-check", "dump", "get", "read", "watch", "set", "speed", "angle-wait", "clear-errors", "save")
@@ -91,6 +91,7 @@ OUTCOMES = Outcomes(
         "deadline": Variant(
             words=("--deadline", "0.25", "--timeout", "1"),
             bound=0.27,
+            stop=STOP,
             commands=("dump", "watch", "set", "angle-wait", "save"),
         ),
     },

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.contract.facts.outcomes import MOTOR_FAULTS, RIGHT, UNHEALTHY, Codes, Outcomes, Variant, Wire
+from tests.contract.facts.outcomes import MOTOR_FAULTS, RIGHT, STOP, UNHEALTHY, Codes, Outcomes, Variant, Wire
 from tests.inspire.wrist_commands import COMMANDS, READING, WRITING
 
 SERIAL: dict[str, Codes] = {
@@ -55,7 +55,7 @@ OUTCOMES = Outcomes(
     variants={
         "after-1": Variant("after=1"),
         "every-2": Variant("every=2"),
-        "deadline": Variant(words=("--deadline", "0.25", "--timeout", "1"), bound=0.26),
+        "deadline": Variant(words=("--deadline", "0.25", "--timeout", "1"), bound=0.26, stop=STOP),
         "two": Variant("fault=echo,noise,split", {}, {"healthy"}, wires={"serial"}),
         # frames of others, many of them with the same flag and address, beside every answer, and 500 a second besides
         "busy": Variant("fault=noise,echo&traffic=500", {}, {"healthy"}, wires={"can"}),
@@ -66,7 +66,11 @@ OUTCOMES = Outcomes(
         # the serial acknowledgement tells a refusal; CAN's is empty (wrist §2.3.2), so that only the read-back tells it
         **{("serial", "refuse", command.name): {6} for command in WRITING},
         **{("can", "refuse", command.name): {7} for command in WRITING},
+        # ... and of what moves the stop as well, which is then not obeyed
+        **{("can", "refuse", name): {6} for name in MOVES},
         ("can", "refuse", "raw-write"): RIGHT,  # shows the acknowledgement and reads nothing back
+        # the yaw, which is not named, is off its set angle and might go there: that is asked first
+        ("", "foreign", "move-pitch"): {8},
         # two devices with one id: replies that do not jitter overlap to perfect ones (dossier 4.14); before a write the
         # pitch is read, which jitters
         **{("", "twin-id", command.name): RIGHT for command in READING if command.steady},

@@ -218,8 +218,8 @@ def section() -> tuple[str, tuple[str, ...], list[tuple[str, str, list[str]]]]:
 
 
 def is_answer(data: bytes) -> bool:
-    """Whether a prompt came that answers the question: an unknown command; another one is of something before."""
-    return has_prompt(data) and question_in(data) and answer_in(data).strip(b"\0\r\n=> ") != b""
+    """Whether a prompt came that answers the question: an unknown command, in words; numbers and bare prompts are of something before."""
+    return has_prompt(data) and question_in(data) and any(chr(one).isalpha() for one in answer_in(data) if one < 128)
 
 
 QUESTION_TEXT = "!"

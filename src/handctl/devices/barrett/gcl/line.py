@@ -369,20 +369,19 @@ class GclLine(Line):
         return has_prompt(self._question())
 
     def _question(self) -> bytes:
-        """Send the question; what came until its answer."""
+        """Send the question; what came until its answer. One that is not waited for would be taken for that of the next command."""
         link = self.link
         link.write(QUESTION, link.deadline(1.0))
-        came, end = b"", link.deadline(PROMPT_WAIT + self.wire_seconds(16))
+        came, end = b"", link.deadline(max(PROMPT_WAIT, self.timeout or 0.0) + self.wire_seconds(16))
         last = link.deadline(LATEST)
         while not end.expired and not is_answer(came):
             chunk = self.until_prompt(end.remaining)
             if not chunk:
                 break
             came += chunk
-            if (
-                has_prompt(chunk) and not last.expired
-            ):  # of something before: the line is late, the question's is to come
-                end = link.deadline(min(last.remaining, 2 * PROMPT_WAIT) + self.wire_seconds(16))
+            # The prompt of something before, or its own echo: its answer is to come.
+            if has_prompt(chunk) or chunk.endswith(QUESTION[:-1]):
+                end = last
         if _speaks_of_restart(came, ""):
             self._unread, self._connected = came, False
         return came
