@@ -6,7 +6,6 @@ says JSON, a buffer of 2048 bytes, and no more: no delimiter, no acknowledge. Wh
 
 from __future__ import annotations
 
-import re
 from functools import lru_cache
 
 from handctl.sim.aidin.mechanics import Hand
@@ -20,7 +19,7 @@ BLANKS = b" \t\r\n\0"
 RADIANS = 0.017453292519943295  # of one degree
 BETWEEN = {"newline": "\n", "none": "", "nul": "\0", "blank": " ", "crlf": "\r\n"}
 LAYOUTS = {"compact": (",", ":", ""), "blanks": (", ", ": ", ""), "indented": (",", ": ", "\n  ")}
-WHOLE = re.compile(rb'\{[^{}"]*(?:"[^"\\]*"[^{}"]*)*\}')
+WHOLE = rb'\{[^{}"]*(?:"[^"\\]*"[^{}"]*)*\}'
 """A flat object without escapes, as what follows the braces byte by byte would find it."""
 LONG_GARBAGE = 71680  # bytes without a closing brace
 
@@ -53,9 +52,11 @@ class Reader:
     """Takes JSON objects out of a byte stream. Never raises; what is no object is dropped and counted."""
 
     def __init__(self, given: dict[str, Any]) -> None:
-        import json  # here, so that a command that needs no simulator does not pay for it
+        import json  # here, so that a command that needs no simulator does not pay for them
+        import re
 
         self._loads: Callable[[str], Any] = json.loads
+        self._whole = re.compile(WHOLE).match
         self._style, self._longest = given["reader"], given["buffer"]
         self.dropped = 0
         self.forget()
@@ -84,7 +85,7 @@ class Reader:
         """What comes in one piece, as nearly all does, is taken in one step."""
         found, at = [], 0
         while at < len(data):
-            whole = None if self._depth else WHOLE.match(data, at, at + self._longest)
+            whole = None if self._depth else self._whole(data, at, at + self._longest)
             found.append(self._parse(whole.group()) if whole else self._step(data[at]))
             at = whole.end() if whole else at + 1
         return found
