@@ -64,7 +64,7 @@ class FamilyRow:
     facts     fact of its `proofs` -> the setting that it stands for, and what each value of the fact makes of that ("" = nothing);
               of words alone each is the value of the setting, too
     silent    its device may reply to nothing while it moves, or to its stop alone: no question finds it then
-    unbroken  its command that no stop may interrupt, nor reach, as what is sent then does harm; "" = none
+    unbroken  its command that no stop may interrupt, because the bytes of the stop would do harm; "" = none
     trigger   fastest speed in bit/s at which its device listens, and the bytes on which it acts wherever they stand
     """
 

@@ -283,7 +283,7 @@ class Run(Invocation):
         return link.deadline(seconds if self.end is None else self.end - link.now())
 
     def in_time(self, link: Link, settings: Settings) -> Settings:
-        """The same with what is left of --deadline by the clock of the open `link`: it was opened earlier, or another one."""
+        """The settings with what is left of --deadline, by the clock of the open `link`: other parts of the command have used some of it."""
         return settings if self.end is None else settings._replace(deadline=max(self.end - link.now(), 0.001))
 
     @property

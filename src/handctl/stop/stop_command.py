@@ -409,7 +409,7 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
         and (lock := _let_go(run, name, bound, LAST_STOP_SECONDS)) is not None
     ):
         return lock, None, True
-    # What cannot hear may still be followed by its device, as a download that was suspended: it is ended only for who asks again.
+    # A suspended download can still be continued, and killing it leaves the hand without firmware: only a second stop does that.
     for family in dict.fromkeys((run.family.kind, who.family if who is not None else "")):
         if family in FAMILIES and (why := _held_back(family, name)):
             return None, report(Stopped(why), (), refused=True), False
@@ -427,7 +427,7 @@ def _held_back(family: str, name: str) -> str:
 
 
 def _unbroken(link: str) -> str:
-    """Why a stop would do harm at this LINK: another user is running a command there that must not be interrupted; "" without any."""
+    """Why a stop would do harm at this LINK: somebody else is running a command there that must not be interrupted; "" if nobody is."""
     from handctl.link.port_users import handctl_commands
 
     if link.startswith(OURS):
@@ -436,7 +436,7 @@ def _unbroken(link: str) -> str:
         for family, row in FAMILIES.items():
             typed = iter(words)
             if row.unbroken and all(word in typed for word in (family, *row.unbroken.split())):
-                return f"another handctl (pid {pid}) is running `{family} {row.unbroken}` here, which a stop would break off, and nothing moves meanwhile"
+                return f"another handctl (pid {pid}) is running `{family} {row.unbroken}` here, and a stop would interrupt it. If the device moves, end that process first, or switch the power off"
     return ""
 
 
