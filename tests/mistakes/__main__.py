@@ -1,12 +1,13 @@
 """python -m tests.mistakes [NAME…] [--list] [--find FILE…] [--jobs N]: every seeded mistake must be found by its tests.
 
 First the tests run without any mistake, where each must pass. Then each mistake gets a process of its own, in which each test
-named with it must fail. Exit code 1 if one was missed, if its line is gone from its function, or if a test is not there.
+named with it must fail: one that has imported everything already (`in_place`), or else one that imports the mistake (`seeded`). Exit code 1 if one was missed, if its line is gone from its function, or if a test is not there.
 """
 
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 import sys
 import time
@@ -15,6 +16,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 
+from tests.mistakes.in_place import Functions, functions, imported, replaceable, seed_in_place
 from tests.mistakes.seeded import foreign, prepare, run, seed
 from tests.mistakes.table import TOP, Mistake, Stale, mistakes
 from tests.mistakes.together import Outcomes, together
@@ -26,23 +28,32 @@ def healthy(tests: Sequence[str]) -> Outcomes:
     verdict = run(tests)
     wrong = {name: f"fails without a mistake: {text}" for name, text in verdict.failed.items()}
     wrong.update({name: "is not there, or was skipped" for name in tests if name not in verdict.passed})
-    return {"broken": verdict.broken, "wrong": wrong, "took": verdict.passed, "foreign": foreign()}
+    return {"broken": verdict.broken, "wrong": wrong}
 
 
-def seeded(one: Mistake, files: Sequence[str]) -> Outcomes:
-    """The tests of one mistake, or whole files, with the mistake."""
+def seeded(one: Mistake, files: Sequence[str], known: Functions | None = None) -> Outcomes:
+    """The tests of one mistake, or whole files, with the mistake; in place where all functions are known."""
     if not (files or one.tests):
         return {"broken": ["no test is named with it"]}
     try:
-        seed(one.patches)
+        if known is None:
+            seed(one.patches)
+        elif not seed_in_place(one.patches, known):
+            return {"broken": ["cannot be seeded in place"]}
     except Stale as exc:
         return {"broken": [f"no longer fits: {exc}"]}
+    before = foreign()
     verdict = run(files or one.tests)
+    missed = [] if files else [name for name in one.tests if name not in verdict.failed]
     return {
         "broken": verdict.broken,
-        "missed": [] if files else [name for name in one.tests if name not in verdict.failed],
+        "missed": [
+            f"{name} {'passes' if name in verdict.passed else 'is not there, or was skipped'}" for name in missed
+        ],
         "failed": verdict.failed,
+        "items": list(verdict.items.values()),
         "took": verdict.passed,
+        "foreign": sorted(foreign() - before),
     }
 
 
@@ -59,32 +70,50 @@ def told(name: str, problems: Iterable[str]) -> None:
     print(f"MISSED {name}\n  " + "\n  ".join(problems) + f"\n  repeat: python -m tests.mistakes {name}")
 
 
-def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:
-    """Run all of it; how many were missed."""
-    tests = sorted({test for one in some for test in one.tests})
-    by_file = sorted({test.partition("::")[0] for test in tests})
-    shares = [[test for test in tests if by_file.index(test.partition("::")[0]) % jobs == part] for part in range(jobs)]
-    wrong: dict[str, str] = {}
-    broken: list[str] = []
-    missed: Counter[str] = Counter()
-    clean = [(f"without a mistake {part}", partial(healthy, share)) for part, share in enumerate(shares) if share]
-    for _, result in together(clean, jobs, folder, 600.0):
-        wrong.update(result.get("wrong", {}))
-        broken += result["broken"]
+def tried(some: Sequence[Mistake], jobs: int, folder: Path, known: Functions | None) -> dict[str, list[str]]:
+    """Each mistake, and what is wrong with it: nothing where each of its tests fails with it and passes without."""
+    wrong: dict[str, list[str]] = {}
+    items: dict[str, list[str]] = {}
+    for name, result in together([(one.name, partial(seeded, one, (), known)) for one in some], jobs, folder):
+        wrong[name] = [*result["broken"], *result.get("missed", ())]
+        items[name] = result.get("items", [])
         prepare(result.get("foreign", ()))
-    for text in broken:
-        print(f"MISSED without a mistake: {text}")
-    todo = [(one.name, partial(seeded, one, ())) for one in some]
-    by_name = {one.name: one for one in some}
-    for name, result in together(todo, jobs, folder):
-        one = by_name[name]
-        problems = [*result["broken"], *(f"{test} passes" for test in result.get("missed", ()))]
-        problems += [f"{test} {wrong[test]}" for test in one.tests if test in wrong]
+    files = sorted({item.partition("::")[0] for own in items.values() for item in own})
+    shares: list[set[str]] = [set() for _ in range(jobs)]
+    for item in {item for own in items.values() for item in own}:
+        shares[files.index(item.partition("::")[0]) % jobs].add(item)
+    without = [
+        (f"without a mistake {part}", partial(healthy, sorted(share))) for part, share in enumerate(shares) if share
+    ]
+    for part, result in together(without, jobs, folder, 600.0):
+        lost = dict.fromkeys(shares[int(part.split()[-1])], "; ".join(result["broken"])) if result["broken"] else {}
+        failed = {**lost, **result.get("wrong", {})}
+        for name, own in items.items():
+            wrong[name] += [f"{item} {failed[item]}" for item in own if item in failed]
+    return wrong
+
+
+def in_place(some: Sequence[Mistake], jobs: int, folder: Path) -> Outcomes:
+    """These mistakes in children of one process that has imported everything: which are found there."""
+    imported(sorted({test for one in some for test in one.tests}))
+    known = functions()
+    some = [one for one in some if replaceable(one.patches)]
+    gc.freeze()
+    return {"found": [name for name, wrong in tried(some, jobs, folder, known).items() if not wrong]}
+
+
+def check(some: Sequence[Mistake], jobs: int, folder: Path) -> int:
+    """Run all of it, what can be seeded in place first; how many were missed."""
+    ((_, there),) = together([("in place", partial(in_place, some, jobs, folder))], 1, folder, 900.0)
+    found = there.get("found", ())
+    missed: Counter[str] = Counter()
+    for name, problems in tried([one for one in some if one.name not in found], jobs, folder, None).items():
         if problems:
             missed[name] += 1
             told(name, problems)
     table(some, missed)
-    return len(missed) + len(broken)
+    print(f"{len(found)} of them were seeded in place")
+    return len(missed)
 
 
 def table(some: Sequence[Mistake], missed: Counter[str]) -> None:
@@ -129,6 +158,7 @@ def main() -> int:
             print(f"{one.room:<10} {one.kind:<28} {one.name}")
             print("".join(f"{'':<11}{test}\n" for test in one.tests), end="")
         return 0
+    gc.disable()  # syntax trees and modules: all of it stays. Each child has its own again, once its tests are collected
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # looking for plugins takes each child as long as a test
     with scratch() as folder:
         if args.find:

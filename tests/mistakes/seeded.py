@@ -58,14 +58,14 @@ class Finder:
         )
 
 
-def seed(patches: Sequence[Patch]) -> None:
-    """Let this process see the source with the mistake in it."""
+def seed(patches: Sequence[Patch], anew: bool = False) -> None:
+    """Let this process see the source with the mistake in it: where it imports it, with `anew` for another time, and opens it."""
     texts: dict[str, str] = {}
     for patch in patches:
         texts[patch.module] = patch.applied(texts.get(patch.module) or patch.path.read_text(encoding="utf-8"))
     paths = {patch.module: patch.path for patch in patches}
     modules = {name: (paths[name], text) for name, text in texts.items() if paths[name].suffix == ".py"}
-    if known := modules.keys() & sys.modules.keys():
+    if not anew and (known := modules.keys() & sys.modules.keys()):
         raise AssertionError(f"imported too early: {', '.join(known)}")
     sys.meta_path.insert(0, Finder(modules))  # type: ignore[arg-type]
     _opened_instead({str(place): text for name, text in texts.items() for place in _places(paths[name])})
@@ -107,6 +107,7 @@ class Verdict:
         if not all("::" in one for one in self.wanted):
             self.names.clear()
         self.failed: dict[str, str] = {}
+        self.items: dict[str, str] = {}  # the one that failed first
         self.passed: dict[str, float] = {}
         self.broken: list[str] = []
 
@@ -143,6 +144,7 @@ class Verdict:
             return
         if report.failed:
             told = getattr(report.longrepr, "reprcrash", None)
+            self.items.setdefault(name, report.nodeid)
             self.failed.setdefault(name, str(told.message if told else report.longrepr).partition("\n")[0][:200])
         self.passed[name] = self.passed.get(name, 0.0) + report.duration
 
@@ -157,9 +159,9 @@ def run(tests: Iterable[str]) -> Verdict:
     return verdict
 
 
-def foreign() -> list[str]:
+def foreign() -> set[str]:
     """The modules that are imported here and in which no mistake can be."""
-    return [name for name in sys.modules if name.partition(".")[0] not in ("handctl", "tests", "__main__")]
+    return {name for name in sys.modules if name.partition(".")[0] not in ("handctl", "tests", "__main__")}
 
 
 def prepare(names: Iterable[str]) -> None:

@@ -11,6 +11,7 @@ import importlib
 import pkgutil
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from textwrap import dedent, indent
 
@@ -42,9 +43,9 @@ class Patch:
         place = SOURCES.joinpath(*self.module.split("."))
         return place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
 
-    def applied(self, text: str) -> str:
-        """The file's text with the mistake in it."""
-        lines = text.splitlines(keepends=True)
+    def lines(self, text: str) -> tuple[int, int]:
+        """The numbers of the first and the last line that it replaces."""
+        lines = text.splitlines()
         first, last = _span(text, self.function) if self.function else (0, len(lines))
         wanted = [line.strip() for line in dedent(self.line).strip().splitlines()]
         found = [
@@ -55,15 +56,27 @@ class Patch:
         if len(found) != 1:
             where = f"{self.module}:{self.function or 'the whole file'}"
             raise Stale(f"{where} has {len(found) or 'no'} {'lines' if found else 'line'} {self.line.strip()!r}")
-        (number,) = found
-        room = lines[number][: len(lines[number]) - len(lines[number].lstrip())]
-        lines[number : number + len(wanted)] = [indent(dedent(self.instead).strip() + "\n", room)]
+        return found[0] + 1, found[0] + len(wanted)
+
+    def applied(self, text: str) -> str:
+        """The file's text with the mistake in it."""
+        first, last = self.lines(text)
+        lines = text.splitlines(keepends=True)
+        begin = lines[first - 1]
+        room = begin[: len(begin) - len(begin.lstrip())]
+        lines[first - 1 : last] = [indent(dedent(self.instead).strip() + "\n", room)]
         return "".join(lines)
+
+
+@cache
+def parsed(text: str) -> ast.Module:
+    """A file's syntax; many mistakes are in the same one."""
+    return ast.parse(text)
 
 
 def _span(text: str, function: str) -> tuple[int, int]:
     """First line and the one behind the last of a function or class, decorators with it."""
-    body: list[ast.stmt] = ast.parse(text).body
+    body: list[ast.stmt] = parsed(text).body
     found: ast.stmt | None = None
     for name in function.split("."):
         found = next((node for node in _within(body) if getattr(node, "name", None) == name), None)
