@@ -98,7 +98,7 @@ FAULTS: dict[str, tuple[dict[str, object], dict[str, str]]] = {
 @each_row("name", FAULTS)
 def test_each_fault_is_found_and_nothing_else(name: str) -> None:
     options, wanted = FAULTS[name]
-    hand, link = simulated(**{"start": "open", "rate": 20, **options})
+    hand, link = simulated(**{"start": "open", "rate": 10, **options})
     table = check(hand, Prompts())
     assert found(table) == wanted
     assert table.failure is not None and table.failure.code == "findings"
@@ -114,7 +114,8 @@ def at_once(change: Callable[[list[int]], list[int]], currents: Callable[[list[i
     """A hand that is where it was told to be at once, but for what `change` makes of its encoders."""
     target = [0] * 15
     link = Hand(
-        lambda _: line(feedback(motor_pos=change(target), current_state=(currents or (lambda _: [0] * 15))(target)))
+        lambda _: line(feedback(motor_pos=change(target), current_state=(currents or (lambda _: [0] * 15))(target))),
+        period=0.05,
     )
     write = link.write
 
@@ -227,7 +228,7 @@ Seen = Callable[[int, list[int]], dict[str, object]]
 def disturbed(seen: Seen) -> tuple[Hand, list[int]]:
     """Such a hand, and the target that it got last."""
     target, moved = [0] * 15, [0]
-    link = Hand(lambda _: line(seen(moved[0], list(target))))
+    link = Hand(lambda _: line(seen(moved[0], list(target))), period=0.05)
     write = link.write
 
     def heard(data: bytes, deadline: object) -> None:

@@ -109,7 +109,7 @@ def test_the_motor_that_did_not_move_is_named(start: str) -> None:
 )  # fmt: skip
 def test_a_motor_that_disagrees_with_its_neighbours_is_named(options: dict[str, str], verdict: str) -> None:
     """A little, middling and much, on a motor with a long way."""
-    result = home(start="homed", motor="9", **options)
+    result = home(start="homed", motor="9", rate="20", **options)
     assert (result.code, states(result), result.error["code"]) == (7, ["sent"], "not-homed"), result
     assert doubted(result) == {"ring.m1": verdict}
 
@@ -118,7 +118,7 @@ def test_a_motor_that_disagrees_with_its_neighbours_is_named(options: dict[str, 
 @pytest.mark.parametrize("start", ["used", "homed", "cold"])
 def test_no_motor_that_is_held_on_its_way_is_homed(seed: str, start: str) -> None:
     for fault in ("held", "stall"):
-        assert home(start=start, fault=fault, seed=seed).code == 7
+        assert home(start=start, fault=fault, seed=seed, rate="20").code == 7
 
 
 def _travel(*places: tuple[float, int]) -> Verdict:
