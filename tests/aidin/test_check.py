@@ -54,8 +54,7 @@ def test_a_healthy_hand_has_no_finding(options: dict[str, object]) -> None:
 
 
 def test_of_a_hand_that_was_just_homed_too() -> None:
-    hand, link = simulated(start="homed", noise=1)
-    assert run("aidin", "home", "-y", "-p", "fake://aidin?clock=virtual&start=homed").code == 0
+    hand, link = simulated(start="homed", noise=1, rate=20)
     from handctl.devices.aidin.homing_and_bias import home
 
     home(hand, Prompts())
@@ -64,7 +63,7 @@ def test_of_a_hand_that_was_just_homed_too() -> None:
 
 
 def test_each_motor_moves_alone_and_within_its_range() -> None:
-    hand, link = simulated(start="open", rate=50)
+    hand, link = simulated(start="open", rate=20)
     check(hand, Prompts())
     sent = objects([data for data in link.sent if b"hand_TP_cmd" in data])
     assert {one["hand_mode"] for one in sent} == {10}
@@ -202,7 +201,7 @@ def test_a_silent_hand_is_not_moved_and_one_that_falls_silent_is_stopped() -> No
 
 
 def test_ctrl_c_stops_the_hand() -> None:
-    hand, link = simulated(start="open", rate=50)
+    hand, link = simulated(start="open", rate=20)
     link.interrupt_at = 5.0
     with pytest.raises(Interrupted) as caught:
         check(hand, Prompts())
@@ -210,7 +209,7 @@ def test_ctrl_c_stops_the_hand() -> None:
 
 
 def test_it_asks_first_and_a_dry_run_shows_each_motor() -> None:
-    place = "fake://aidin?clock=virtual&start=open&rate=50"
+    place = "fake://aidin?clock=virtual&start=open&rate=20"
     assert run("aidin", "check", "-p", place, "--json").code == 8
     shown = run("aidin", "check", "-n", "-p", place, "--json")
     assert (shown.code, len(shown.rows)) == (0, 16)
@@ -295,7 +294,7 @@ def test_a_finger_that_turns_unseen_is_sent_back_at_once_and_left_alone() -> Non
 
 @pytest.mark.parametrize(("fault", "state"), [("", "confirmed"), ("&fault=one-way&motor=5", "sent")])
 def test_only_a_hand_that_is_back_is_said_to_be(fault: str, state: str) -> None:
-    done = run("aidin", "check", "-y", "--json", "-p", f"fake://aidin?clock=virtual&start=open&rate=50{fault}")
+    done = run("aidin", "check", "-y", "--json", "-p", f"fake://aidin?clock=virtual&start=open&rate=20{fault}")
     assert [write["state"] for write in done.json["writes"]] == [state]
 
 

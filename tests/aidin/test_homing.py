@@ -17,7 +17,7 @@ ALL = 15
 
 
 def home(**options: str) -> Result:
-    query = "&".join(f"{key}={value}" for key, value in {"clock": "virtual", **options}.items())
+    query = "&".join(f"{key}={value}" for key, value in {"clock": "virtual", "rate": "20", **options}.items())
     said = ["--exchange", "command"] if options.get("exchange") == "command" else []  # such a hand shows nothing before
     return run("aidin", "home", "-y", "--json", "-p", f"fake://aidin?{query}", *said)
 
@@ -62,7 +62,7 @@ def test_a_first_homing_proves_nothing(options: dict[str, str]) -> None:
 
 
 def test_a_second_homing_confirms_the_first(tmp_path: Any) -> None:
-    link = f"fake://aidin?clock=virtual&start=cold&state={tmp_path / 'hand'}"
+    link = f"fake://aidin?clock=virtual&rate=20&start=cold&state={tmp_path / 'hand'}"
     assert run("aidin", "home", "-y", "-p", link).code == 7
     assert run("aidin", "encoders", *[f"{finger}.m{n}=40000" for finger in ("thumb", "index", "middle", "ring", "little") for n in (1, 2, 3)], "-p", link).code == 0  # fmt: skip
     assert run("aidin", "home", "-y", "-p", link).code == 0
@@ -109,7 +109,7 @@ def test_the_motor_that_did_not_move_is_named(start: str) -> None:
 )  # fmt: skip
 def test_a_motor_that_disagrees_with_its_neighbours_is_named(options: dict[str, str], verdict: str) -> None:
     """A little, middling and much, on a motor with a long way."""
-    result = home(start="homed", motor="9", rate="20", **options)
+    result = home(start="homed", motor="9", **options)
     assert (result.code, states(result), result.error["code"]) == (7, ["sent"], "not-homed"), result
     assert doubted(result) == {"ring.m1": verdict}
 
@@ -118,7 +118,7 @@ def test_a_motor_that_disagrees_with_its_neighbours_is_named(options: dict[str, 
 @pytest.mark.parametrize("start", ["used", "homed", "cold"])
 def test_no_motor_that_is_held_on_its_way_is_homed(seed: str, start: str) -> None:
     for fault in ("held", "stall"):
-        assert home(start=start, fault=fault, seed=seed, rate="20").code == 7
+        assert home(start=start, fault=fault, seed=seed).code == 7
 
 
 def _travel(*places: tuple[float, int]) -> Verdict:
