@@ -54,8 +54,7 @@ def test_a_healthy_hand_has_no_finding(options: dict[str, object]) -> None:
 
 
 def test_of_a_hand_that_was_just_homed_too() -> None:
-    hand, link = simulated(start="homed", noise=1)
-    assert run("aidin", "home", "-y", "-p", "fake://aidin?clock=virtual&start=homed").code == 0
+    hand, link = simulated(start="homed", noise=1, rate=20)
     from handctl.devices.aidin.homing_and_bias import home
 
     home(hand, Prompts())
@@ -64,7 +63,7 @@ def test_of_a_hand_that_was_just_homed_too() -> None:
 
 
 def test_each_motor_moves_alone_and_within_its_range() -> None:
-    hand, link = simulated(start="open", rate=50)
+    hand, link = simulated(start="open", rate=20)
     check(hand, Prompts())
     sent = objects([data for data in link.sent if b"hand_TP_cmd" in data])
     assert {one["hand_mode"] for one in sent} == {10}
@@ -98,7 +97,7 @@ FAULTS: dict[str, tuple[dict[str, object], dict[str, str]]] = {
 @each_row("name", FAULTS)
 def test_each_fault_is_found_and_nothing_else(name: str) -> None:
     options, wanted = FAULTS[name]
-    hand, link = simulated(**{"start": "open", "rate": 20, **options})
+    hand, link = simulated(**{"start": "open", "rate": 10, **options})
     table = check(hand, Prompts())
     assert found(table) == wanted
     assert table.failure is not None and table.failure.code == "findings"
@@ -114,7 +113,8 @@ def at_once(change: Callable[[list[int]], list[int]], currents: Callable[[list[i
     """A hand that is where it was told to be at once, but for what `change` makes of its encoders."""
     target = [0] * 15
     link = Hand(
-        lambda _: line(feedback(motor_pos=change(target), current_state=(currents or (lambda _: [0] * 15))(target)))
+        lambda _: line(feedback(motor_pos=change(target), current_state=(currents or (lambda _: [0] * 15))(target))),
+        period=0.05,
     )
     write = link.write
 
@@ -201,7 +201,7 @@ def test_a_silent_hand_is_not_moved_and_one_that_falls_silent_is_stopped() -> No
 
 
 def test_ctrl_c_stops_the_hand() -> None:
-    hand, link = simulated(start="open", rate=50)
+    hand, link = simulated(start="open", rate=20)
     link.interrupt_at = 5.0
     with pytest.raises(Interrupted) as caught:
         check(hand, Prompts())
@@ -209,7 +209,7 @@ def test_ctrl_c_stops_the_hand() -> None:
 
 
 def test_it_asks_first_and_a_dry_run_shows_each_motor() -> None:
-    place = "fake://aidin?clock=virtual&start=open&rate=50"
+    place = "fake://aidin?clock=virtual&start=open&rate=20"
     assert run("aidin", "check", "-p", place, "--json").code == 8
     shown = run("aidin", "check", "-n", "-p", place, "--json")
     assert (shown.code, len(shown.rows)) == (0, 16)
@@ -227,7 +227,7 @@ Seen = Callable[[int, list[int]], dict[str, object]]
 def disturbed(seen: Seen) -> tuple[Hand, list[int]]:
     """Such a hand, and the target that it got last."""
     target, moved = [0] * 15, [0]
-    link = Hand(lambda _: line(seen(moved[0], list(target))))
+    link = Hand(lambda _: line(seen(moved[0], list(target))), period=0.05)
     write = link.write
 
     def heard(data: bytes, deadline: object) -> None:
@@ -294,7 +294,7 @@ def test_a_finger_that_turns_unseen_is_sent_back_at_once_and_left_alone() -> Non
 
 @pytest.mark.parametrize(("fault", "state"), [("", "confirmed"), ("&fault=one-way&motor=5", "sent")])
 def test_only_a_hand_that_is_back_is_said_to_be(fault: str, state: str) -> None:
-    done = run("aidin", "check", "-y", "--json", "-p", f"fake://aidin?clock=virtual&start=open&rate=50{fault}")
+    done = run("aidin", "check", "-y", "--json", "-p", f"fake://aidin?clock=virtual&start=open&rate=20{fault}")
     assert [write["state"] for write in done.json["writes"]] == [state]
 
 

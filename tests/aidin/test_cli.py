@@ -104,7 +104,7 @@ def test_watch() -> None:
 
 
 def test_home_then_joints_then_the_rest(tmp_path: Path) -> None:
-    link = f"{fake(start='used')}&state={tmp_path / 'hand'}"
+    link = f"{fake(start='used', rate=20)}&state={tmp_path / 'hand'}"
     assert aidin("joints", "index.q3=160", "thumb.q1=20", link=link).error["code"] == "not-reached"
     home = aidin("home", "--yes", link=link)
     assert (home.error["code"], [row["value"] for row in home.rows]) == ("homing-unproven", [0] * 15)
@@ -308,7 +308,7 @@ CURRENTS_ON = '{"hand_mode":41,"hand_TT_cmd":[100,0,0,0,0,0,0,0,0,0,0,0,0,0,0]}'
     ],
 )
 def test_a_terminal_tells_what_goes_on_behind_its_end(name: str, lines: list[str], level: str | None) -> None:
-    result = aidin("terminal", *lines, "--yes")
+    result = aidin("terminal", *lines, "--yes", link=fake(start="homed", rate=20))
     found = [message for message in result.json["messages"] if message["code"] == "left"]
     assert [message["level"] for message in found] == ([level] if level else []), name
     assert all(message["hint"] for message in found)

@@ -17,7 +17,7 @@ ALL = 15
 
 
 def home(**options: str) -> Result:
-    query = "&".join(f"{key}={value}" for key, value in {"clock": "virtual", **options}.items())
+    query = "&".join(f"{key}={value}" for key, value in {"clock": "virtual", "rate": "20", **options}.items())
     said = ["--exchange", "command"] if options.get("exchange") == "command" else []  # such a hand shows nothing before
     return run("aidin", "home", "-y", "--json", "-p", f"fake://aidin?{query}", *said)
 
@@ -62,7 +62,7 @@ def test_a_first_homing_proves_nothing(options: dict[str, str]) -> None:
 
 
 def test_a_second_homing_confirms_the_first(tmp_path: Any) -> None:
-    link = f"fake://aidin?clock=virtual&start=cold&state={tmp_path / 'hand'}"
+    link = f"fake://aidin?clock=virtual&rate=20&start=cold&state={tmp_path / 'hand'}"
     assert run("aidin", "home", "-y", "-p", link).code == 7
     assert run("aidin", "encoders", *[f"{finger}.m{n}=40000" for finger in ("thumb", "index", "middle", "ring", "little") for n in (1, 2, 3)], "-p", link).code == 0  # fmt: skip
     assert run("aidin", "home", "-y", "-p", link).code == 0

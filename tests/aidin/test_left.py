@@ -294,14 +294,13 @@ def _blinded(content: dict[str, object], key: str, how: str) -> dict[str, object
 def _turning(exchange: str, key: str, how: str) -> ScriptedLink:
     """A hand that streams or answers, and goes blind or silent in the middle."""
     link: ScriptedLink
+    sees, blind = line(CLOSED), b"" if how == "silent" else line(_blinded(CLOSED, key, how))
 
     def content() -> bytes:
-        if link.clock < WHEN:
-            return line(CLOSED)
-        return b"" if how == "silent" else line(_blinded(CLOSED, key, how))
+        return sees if link.clock < WHEN else blind
 
     if exchange == "stream":
-        link = Streamer(lambda _: content())
+        link = Streamer(lambda _: content(), period=0.05)
     else:
         link = ScriptedLink(lambda _: [(0.001, data)] if (data := content()) else [])
     return link

@@ -299,14 +299,14 @@ def test_a_program_that_was_held_up_looks_before_it_judges(behind: int) -> None:
 
 
 def test_what_does_not_arrive_is_named() -> None:
-    hand, link = simulated(start="homed", fault="blocked")
+    hand, link = simulated(start="homed", fault="blocked", rate=20)
     table = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False)
     assert table.failure is not None and table.failure.exit_code == 7
     assert "index.m3" in table.failure.text and "41660 cts" in table.failure.text
     assert {row["element"]: row["arrival"] for row in table.rows if row["arrival"] != "reached"} == {"m3": "contact"}
     again = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False, expect="contact")
     assert again.failure is not None, "it pushed as much before, so this movement has met nothing"
-    hand, link = simulated(start="homed", fault="blocked")
+    hand, link = simulated(start="homed", fault="blocked", rate=20)
     gripped = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False, expect="contact")
     assert gripped.failure is None, "its current shows that it pushes"
     assert [row["element"] for row in table.rows if not row["reached"]] == ["m3"]

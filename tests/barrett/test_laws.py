@@ -83,13 +83,13 @@ def at_moments(spy: Spy, *moments: tuple[float, str]) -> Iterator[None]:
 
 def test_a_pd_hold_brings_a_pushed_finger_back() -> None:
     """Pushed by 2500 counts to either side: within 20 counts again 0.4 s later, no farther than 10 beyond its place, and no guard acts."""
-    with spying() as spy, at_moments(spy, (5, "jump F1 -2500"), (9, "jump F1 2500")):
-        result = do("--law", PD, "--receive", "position", "--duration", "12")
+    with spying() as spy, at_moments(spy, (2.5, "jump F1 -2500"), (5.6, "jump F1 2500")):
+        result = do("--law", PD, "--receive", "position", "--duration", "8.7")
     _, end = result.stream
     assert result.code == 0 and end["loop"]["guard_events"] == []
     at = [(row["t"], row["value"] - 9000) for row in result.stream[0] if row["name"] == "position"]
     pushes = [now[0] for before, now in pairwise(at) if abs(now[1] - before[1]) > 1000]
-    assert len(pushes) == 2 and pushes[1] - pushes[0] == pytest.approx(4, abs=0.1)
+    assert len(pushes) == 2 and pushes[1] - pushes[0] == pytest.approx(3.1, abs=0.05)
     for push, side in zip(pushes, (-1, 1), strict=True):
         behind = [off for t, off in at if push <= t < push + 3]
         assert behind[0] * side > 2000 and min(off * side for off in behind) >= -10
@@ -98,8 +98,8 @@ def test_a_pd_hold_brings_a_pushed_finger_back() -> None:
 
 
 def test_guards_are_stronger_than_a_pd_hold() -> None:
-    with spying() as spy, at_moments(spy, (5, "jump F1 -2500"), (5, "block F1")):
-        result = do("--law", PD, "--receive", "position", "--duration", "8")
+    with spying() as spy, at_moments(spy, (2.5, "jump F1 -2500"), (2.5, "block F1")):
+        result = do("--law", PD, "--receive", "position", "--duration", "5")
     (event,) = result.stream[1]["loop"]["guard_events"]
     assert (event["guard"], event["motor"]) == ("stall", "F1")
     assert values(result, "velocity_command")[-1] == 0, "although the law goes on asking for 40"

@@ -101,6 +101,8 @@ def bench_version(words: tuple[str, ...]) -> tuple[str, ...]:
         kept += ["--count", "2"]
     elif streams and "--duration" in kept:  # so are a few samples
         kept[kept.index("--duration") + 1] = "1"
+    elif streams:
+        kept[kept.index("--count") + 1] = "2"
     kept += ["--force"] if "pair" in kept else []  # other examples have given these names
     if any("/" in word for word in kept) and "pair" in kept:  # its LINKs are arguments, and differ
         return tuple(second_link(word, place) for place, word in enumerate(kept))

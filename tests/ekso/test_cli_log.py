@@ -138,7 +138,7 @@ def pulls(seed: int, count: int = 10) -> list[tuple[float, float]]:
     return found
 
 
-@pytest.mark.parametrize("rate", [0, 50])
+@pytest.mark.parametrize("rate", [0, 25])
 def test_ten_unplugs_at_random_in_one_log(tmp_path: Path, rate: int) -> None:
     unplugged(tmp_path, rate, 0)
 

@@ -32,7 +32,7 @@ def test_what_a_log_claims_is_the_truth(size: str, pulled: bool, tmp_path: Path)
         path = tmp_path / f"{seed}.csv"
         more = {"unplug": ",".join(f"{at}:{away}" for at, away in PULLED)} if pulled else {}
         done = run(
-            "ekso", "log", path, "--duration", SECONDS, "--rate", "40", "--json",
+            "ekso", "log", path, "--duration", SECONDS, "--rate", "20", "--json",
             "-p", unit(disagree=size, seed=seed, **more),
         )  # fmt: skip
         judged(done, path, Unrest.drawn(size, Random(seed)), PULLED if pulled else ())

@@ -303,6 +303,7 @@ def test_a_twin_on_a_link_without_a_speed_is_told_without_one() -> None:
 
 def test_a_flood_ends_too() -> None:
     link = Babble(baud=115200)
+    link.pause = 0.0005
     table = scan_on(link, ids=[1, 2], baud=115200)
     assert table.rows == []
     assert link.now() < 60.0

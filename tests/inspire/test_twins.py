@@ -80,6 +80,6 @@ def test_a_line_that_damages_every_nth_reply_is_no_second_device(words: tuple[st
 def test_doctor_names_them(kind: str, apart: float, tmp_path: Path) -> None:
     link = bus(tmp_path, kind, "half-duplex", 1, 1, apart=apart)
     for words in (("doctor", "--family", kind), (kind, "doctor"), ("doctor",)):
-        result = run(*words, "-p", link, "--json", "--count", "10")
+        result = run(*words, "-p", link, "--json", "--count", "2")
         rows = {row["check"]: row["status"] for row in result.rows}
         assert result.code == 7 and "fail" in (rows.get("same_id"), rows.get("device")), (words, result)

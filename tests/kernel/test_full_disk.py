@@ -79,7 +79,7 @@ def inputs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("inputs")
     log, walk, walking = made / "log.csv", made / "walk.csv", "fake://ekso?clock=virtual&posture=walking"
     assert run("exo", "log", log, "--count", "20", "--rate", "20", *EXO, "--trace", made / "trace.txt").code == 0
-    assert run("ekso", "log", walk, "--duration", "10", "-p", walking).code == 0
+    assert run("ekso", "log", walk, "--duration", "7", "-p", walking).code == 0
     (made / "lines").write_text("exo dump\nexo status\nexo status\n", encoding="ascii")
     return made
 

@@ -109,7 +109,7 @@ CASES = {
         9600,
         coast=200,
     ),
-    "aidin": Case("fake://aidin?clock=virtual&start=homed", currents, flow, lambda: CURRENT, None),
+    "aidin": Case("fake://aidin?clock=virtual&start=homed&rate=50", currents, flow, lambda: CURRENT, None),
 }  # fmt: skip
 
 

@@ -143,8 +143,9 @@ FREE = frozenset({"text", "hint", "bytes", "meaning", "next", "evidence", "last"
 
 def shape(row: Any) -> tuple[Any, ...]:
     """All that the schema asks of a row: which keys it has, and what kind of value each."""
-    kinds = [(key, type(value), type(value) is list and frozenset(map(type, value))) for key, value in row.items()]
-    return tuple(kinds), str(row.get("t", "")).startswith("-")
+    kinds = tuple(map(type, row.values()))
+    lists = [frozenset(map(type, value)) for value in row.values() if type(value) is list] if list in kinds else ()
+    return (*row, *kinds, *lists, str(row.get("t", "")).startswith("-"))
 
 
 def told(part: Any) -> Any:
@@ -240,8 +241,8 @@ def restored_environment() -> Iterator[None]:
     finally:
         for name in raw.keys() - before.keys():
             del os.environb[name]
-        for name, value in before.items() - raw.items():
-            os.environb[name] = value
+        for name in [name for name, value in before.items() if raw.get(name) is not value]:
+            os.environb[name] = before[name]
 
 
 UNCLEAN = frozenset(map(os.fsencode, DROPPED))

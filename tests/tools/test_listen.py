@@ -54,7 +54,7 @@ def test_not_a_byte_leaves(wire: tuple[str, str], fault: str, tmp_path: Path, mo
         family,
         "listen",
         "--duration",
-        "2",
+        "1",
         "--trace",
         trace,
         "--json",

@@ -130,7 +130,7 @@ HOMING = ("--level", "move", "-y", "--only", "homing-lasts", "--repeat", "2")
 
 def test_whether_the_homing_belongs_to_the_connection(monkeypatch: pytest.MonkeyPatch) -> None:
     """The simulator keeps its origin, as no manual says otherwise; a hand that forgets it is made of it here."""
-    assert shown(prove("aidin", "start=homed", *HOMING)) == {"homing-lasts": "kept"}
+    assert shown(prove("aidin", "start=homed&rate=20", *HOMING)) == {"homing-lasts": "kept"}
     said = AidinSimulator.reconnected
 
     def forgetful(device: AidinSimulator) -> None:
@@ -138,18 +138,18 @@ def test_whether_the_homing_belongs_to_the_connection(monkeypatch: pytest.Monkey
         device.hand.homed = False
 
     monkeypatch.setattr(AidinSimulator, "reconnected", forgetful)
-    assert shown(prove("aidin", "start=homed", *HOMING)) == {"homing-lasts": "lost"}
+    assert shown(prove("aidin", "start=homed&rate=20", *HOMING)) == {"homing-lasts": "lost"}
 
 
 def test_a_finger_that_does_not_obey_shows_nothing_of_the_homing() -> None:
-    result = prove("aidin", "start=homed&fault=held&motor=3", *HOMING)
+    result = prove("aidin", "start=homed&rate=20&fault=held&motor=3", *HOMING)
     assert shown(result) == {} and result.code in (0, 7)
 
 
 def test_a_link_that_cannot_be_opened_again_moves_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     trace = tmp_path / "t.txt"
     monkeypatch.setattr(FakeLink, "reconnect", lambda self, seconds: False)
-    (row,) = prove("aidin", "start=homed", *HOMING, "--trace", str(trace)).rows
+    (row,) = prove("aidin", "start=homed&rate=20", *HOMING, "--trace", str(trace)).rows
     assert (row["verdict"], row["why"]) == ("not-shown", "no-sign")
     assert b"hand_mode".hex(" ").upper() not in trace.read_text()
 

@@ -25,7 +25,7 @@ from tests.support.machine import System
 from tests.support.page import Page
 from tests.support.person import once, person, pressed_at
 
-QUICK = ("--count", "5", "--watch", "0.5")
+QUICK = ("--count", "3", "--watch", "0.2")
 BITS = ("over-temperature", "locked-rotor", "over-current", "motor-abnormal", "communication")
 REMEDIES = [  # family, options of its simulator, key of the family's table of remedies
     *((kind, f"fault={fault}", fault.replace("-", "_")) for kind in ("exo", "wrist") for fault in BITS),
