@@ -213,6 +213,8 @@ class Device(Model):
         chunk = self.given["chunk"]
         if not chunk or len(data) <= chunk or hits:  # a fault befalls an object, not a piece of it
             self.replies.append(Reply(due, data, hits))
+            if not hits:
+                return self._wire * len(data)
             slow = {"dribble": 0.003 * len(data), "split": 0.3, "unclosed": 0.1, "noise": 12 * self._wire}
             copies = 2 if hits & {"duplicate", "stale"} else 1
             return copies * (max([0.0, *(slow[name] for name in hits & slow.keys())]) + self._wire * len(data))
