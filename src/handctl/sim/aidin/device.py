@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from handctl.sim.aidin.json_text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
 from handctl.sim.aidin.mechanics import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
-from handctl.sim.engine.simulated_device import Model, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import Model, Options, Random, Reply, Rows, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Device(Model):
     KIND = "aidin"
     CONTROL = "handctl.sim.aidin.control_commands"
     HEADER = b'}]",:0-e\r\n'  # no opening brace: noise beside an object leaves the object whole
-    OPTIONS = _OPTIONS
+    OPTIONS = Rows(_OPTIONS)
     FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:
