@@ -335,7 +335,7 @@ class _Segment:
     sent at `speed`; `data` is what is heard of them."""
 
     def __init__(
-        self, start: float, step: float, data: bytes, hang: bool = False, put: bytes = b"", speed: int | None = None
+        self, start: float, step: float, data: bytes, put: bytes = b"", speed: int | None = None, hang: bool = False
     ) -> None:
         self.start = start
         self.step = step
@@ -636,7 +636,7 @@ class Line(Cable):
                 elif speed is not None and baud not in (None, speed):
                     heard = self.device.mishear(sent, speed, baud or 0)
                     data = sent if heard is None else heard
-                self._tx.append(_Segment(start, step, data, put=sent, speed=speed))
+                self._tx.append(_Segment(start, step, data, sent, speed))
                 start += step * len(data)
             self._tx_free = start
             if hang:
