@@ -128,14 +128,6 @@ class Described(click.Command):
         return frozenset(keys)
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
-        """While a line is processed, of the shared options those that it has: click goes through them all, and repeatedly."""
-        typed, offered = command_line(ctx).typed, self.offered(ctx)
-        if typed is None:
-            return offered
-        return [one for one in offered if one in typed or not isinstance(one, SharedOption)]
-
-    def offered(self, ctx: click.Context) -> list[click.Parameter]:
-        """All that it understands here."""
         if self._own is None:
             self._own = super().get_params(ctx)
         if command_line(ctx).bare:
@@ -155,8 +147,7 @@ class Described(click.Command):
         Short options are found at once. Else each that is typed costs click the import of difflib, for what it would suggest
         in place of a long one.
         """
-        told, params = command_line(ctx), self.offered(ctx)
-        told.typed = None
+        params = self.get_params(ctx)
         if self._parser is None or params != self._parser[0]:
             made = super().make_parser(ctx)
             long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
@@ -166,20 +157,14 @@ class Described(click.Command):
         made = self._parser[1]
         parser: Any = object.__new__(type(made))  # as `copy.copy`, which takes ten times as long
         vars(parser).update(vars(made), ctx=ctx)
-
-        def parse_args(args: list[str]) -> Any:
-            *parsed, told.typed = type(made).parse_args(parser, args)
-            return *parsed, told.typed
-
-        parser.parse_args = parse_args
         return parser
 
     def get_help_option(self, ctx: click.Context) -> click.Option:
         return HELP
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        common = [param for param in self.offered(ctx) if isinstance(param, SharedOption)]
-        own = [param for param in self.offered(ctx) if isinstance(param, click.Option) and param not in common]
+        common = [param for param in self.get_params(ctx) if isinstance(param, SharedOption)]
+        own = [param for param in self.get_params(ctx) if isinstance(param, click.Option) and param not in common]
         records = [param.get_help_record(ctx) for param in own]
         with formatter.section("Options"):
             formatter.write_dl([record for record in records if record is not None])
@@ -238,8 +223,7 @@ class Command(Described):
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """As click does; its message on the number of values knows neither the command nor what the values are called."""
-        told = command_line(ctx)
-        told.stopping = self.stops
+        command_line(ctx).stopping = self.stops
         try:
             return super().parse_args(ctx, args)
         except click.UsageError as exc:
@@ -250,8 +234,6 @@ class Command(Described):
             if exc.ctx is not None and text == exc.message:
                 raise
             raise click.UsageError(text, exc.ctx or ctx) from exc
-        finally:
-            told.typed = None
 
     def invoke(self, ctx: click.Context) -> None:
         if (taken := command_line(ctx).taken) is not None:
@@ -298,7 +280,7 @@ class Group(Described, click.Group):
                 told.bare = True  # an option would be the command's: what follows its name is parsed there
             return super().parse_args(ctx, args)
         finally:
-            told.bare, told.typed = before, None
+            told.bare = before
 
     def refused(self) -> frozenset[str]:
         """What all its commands refuse."""

@@ -139,7 +139,6 @@ class CommandLine:
     unfit        errors of options in such a line, for whoever knows which command it is
     passed_over  errors of the line, the environment and the file that did not hold up an urgent command
     bare         no word that is parsed is an option, so that none need be looked for
-    typed        the parameters that were found in what is parsed just now, None while that is not known
     include_ids  the result may hold what tells one device from another
     words        the words of the line, without `handctl`
     taken        who takes a line that is parsed and not run
@@ -155,7 +154,6 @@ class CommandLine:
         self.unfit: list[click.UsageError | UsageError] = []
         self.passed_over: list[UsageError] = []
         self.bare = False
-        self.typed: Sequence[click.Parameter] | None = None
         self.include_ids = False
         self.words: tuple[str, ...] = ()
         self.taken: Callable[[click.Context], object] | None = None
