@@ -969,9 +969,7 @@ class InspireWriteRules:
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Written]:
         """See WriteRules."""
         found: list[Written] = []
-        if can_id is None and eb90.only_reads(
-            data
-        ):  # nearly all that is sent: a read is no write, and nothing follows from it
+        if can_id is None and eb90.only_reads(data):  # nearly all that is sent, and nothing follows from it
             return found
         for piece in self._shown.sent(data, can_id):
             same = self.planned(piece.raw, can_id)
