@@ -18,7 +18,7 @@ ROWS = (
         "return sum(body) & 0xFF",
         "return sum(body) + 1 & 0xFF",
         "tests/inspire/test_eb90.py::test_longest_write_has_length_byte_ff",
-        also=(Patch(SIM_FRAMES, "_sum", "return total % 256", "return (total + 1) % 256"),),
+        also=(Patch(SIM_FRAMES, "_sum", "return sum(data) % 256", "return (sum(data) + 1) % 256"),),
     ),
     mistake(
         "both-sides-crc-begins-with-zero",

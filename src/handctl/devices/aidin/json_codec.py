@@ -127,6 +127,8 @@ class Decoder:
         end = None
         if self._position == 0:
             self._skip()
+            if not self._buffer:
+                return None
             end = found.end() if (found := _FLAT.match(self._buffer)) else None
         end = end or self._scan()
         if end is None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from enum import IntEnum
-from functools import cache
+from functools import cache, cached_property
 from math import degrees, inf, nextafter, radians
 from typing import Any
 
@@ -90,7 +90,7 @@ class AidinParam(Param):
         both = self.limits.get(self.label_of(index)) if self.labels else None
         return None if both is None else both[0 if self.finger_of(index) == "thumb" else 1]
 
-    @property
+    @cached_property
     def most_on_wire(self) -> float:
         """The largest number on the wire that is still one in `unit`."""
         return MOST_RADIANS if self.angles else inf

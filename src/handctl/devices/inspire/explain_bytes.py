@@ -968,8 +968,10 @@ class InspireWriteRules:
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Written]:
         """See WriteRules."""
-        found, pieces = [], self._shown.sent(data, can_id)
-        for piece in pieces if can_id is not None or not eb90.only_reads(data) else ():
+        found: list[Written] = []
+        if can_id is None and eb90.only_reads(data):  # nearly all that is sent, and nothing follows from it
+            return found
+        for piece in self._shown.sent(data, can_id):
             same = self.planned(piece.raw, can_id)
             if same is None:
                 continue

@@ -14,7 +14,6 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, suppress
-from copy import copy
 from functools import cache
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
@@ -335,7 +334,8 @@ class RegisterBus(Line, ABC):
 
     def at(self: Own, space: str = "", device_id: int | None = None) -> Own:
         """The same wire to another register space ("hand", "wrist"), or to another id."""
-        other = copy(self)
+        other = object.__new__(type(self))  # as `copy.copy`, which takes ten times as long
+        vars(other).update(vars(self))
         other.read_flag, other.write_flag = self.spaces.get(space, (self.read_flag, self.write_flag))
         other.id = self.id if device_id is None else device_id
         return other

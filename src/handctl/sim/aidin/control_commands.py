@@ -81,8 +81,8 @@ def _get(device: Device, key: str) -> str:
     hand = device.hand
     readers: dict[str, Callable[[], Sequence[float]]] = {
         "motor_pos": hand.encoders,
-        "joint_pos": lambda: hand.joints(hand.encoders()),
-        "task_space_pos": lambda: hand.tips(hand.encoders()),
+        "joint_pos": lambda: [angle for joints, _ in hand.poses() for angle in joints],
+        "task_space_pos": lambda: [place for _, tip in hand.poses() for place in tip],
         "current_state": hand.currents,
         "sensor_state": hand.sensors,
     }

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from handctl.sim.aidin.json_text import RADIANS, TEXT_FAULTS, TEXT_OPTIONS, Reader, Writer
 from handctl.sim.aidin.mechanics import HOMING, JOINTS, STARTS, STROKES, TIPS, Hand, Motor, from_joints, from_tips
-from handctl.sim.engine.simulated_device import Model, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import Model, Options, Random, Reply, Rows, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ class Device(Model):
     KIND = "aidin"
     CONTROL = "handctl.sim.aidin.control_commands"
     HEADER = b'}]",:0-e\r\n'  # no opening brace: noise beside an object leaves the object whole
-    OPTIONS = _OPTIONS
+    OPTIONS = Rows(_OPTIONS)
     FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:
@@ -213,6 +213,8 @@ class Device(Model):
         chunk = self.given["chunk"]
         if not chunk or len(data) <= chunk or hits:  # a fault befalls an object, not a piece of it
             self.replies.append(Reply(due, data, hits))
+            if not hits:
+                return self._wire * len(data)
             slow = {"dribble": 0.003 * len(data), "split": 0.3, "unclosed": 0.1, "noise": 12 * self._wire}
             copies = 2 if hits & {"duplicate", "stale"} else 1
             return copies * (max([0.0, *(slow[name] for name in hits & slow.keys())]) + self._wire * len(data))

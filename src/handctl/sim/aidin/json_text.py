@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from handctl.sim.aidin.mechanics import Hand
+from handctl.sim.aidin.mechanics import Hand, by_finger, pose
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -150,7 +150,7 @@ class Writer:
         self._comma, self._colon, self._indent = LAYOUTS[given["layout"]]
         self._end = BETWEEN[given["between"]]
         self._digits = int(given["digits"])
-        self._point = ".0" if given["integers"] else ""
+        self._whole = "{}.0".format if given["integers"] else str
         self._separate = given["objects"] == "separate"
         self.restart()
 
@@ -193,13 +193,12 @@ class Writer:
     def _rows(
         self, hand: Hand, counts: list[int], currents: list[int], forces: list[float], scale: float
     ) -> dict[str, list[str]]:
-        long = min(self._digits, 3) if self._digits < 17 else 17
-
+        poses = [_pose(*finger, hand.coupling, scale, self._digits) for finger in by_finger(counts)]
         return {
-            "motor_pos": [f"{count}{self._point}" for count in counts],
-            "joint_pos": [_number(angle * scale, self._digits) for angle in hand.joints(counts)],
-            "task_space_pos": [_number(place, long) for place in hand.tips(counts)],
-            "current_state": [f"{current}{self._point}" for current in currents],
+            "motor_pos": [*map(self._whole, counts)],
+            "joint_pos": [angle for joints, _ in poses for angle in joints],
+            "task_space_pos": [place for _, tip in poses for place in tip],
+            "current_state": [*map(self._whole, currents)],
             "sensor_state": [_number(force, self._digits) for force in forces],
         }
 
@@ -232,6 +231,16 @@ def _mistype(texts: dict[str, str], hits: frozenset[str]) -> None:
     if "extra-key" in hits:
         texts["battery"] = "87"
         texts["status"] = '{"text":"a } and a \\" in a string","list":[1,{}]}'
+
+
+@lru_cache(1024)  # while one finger moves the others stand
+def _pose(
+    finger: int, counts: tuple[int, ...], coupling: str, scale: float, digits: int
+) -> tuple[list[str], list[str]]:
+    """The joint angles of a finger with these encoders, times `scale`, and the place of its tip."""
+    joints, tip = pose(finger, counts, coupling)
+    long = min(digits, 3) if digits < 17 else 17
+    return [_number(angle * scale, digits) for angle in joints], [_number(place, long) for place in tip]
 
 
 @lru_cache(4096)  # most come again and again

@@ -14,6 +14,7 @@ from handctl.sim.engine.simulated_device import NOTHING, Random
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from typing import Any
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
@@ -199,27 +200,13 @@ class Hand:
     def encoders(self) -> list[int]:
         return [round(motor.place - motor.origin) for motor in self.motors]
 
-    def joints(self, counts: list[int]) -> list[float]:
-        """q1 q2 q3 q4 of each finger, degrees, from the encoders as the firmware has to."""
-        rows = []
-        for finger, (u, v, s) in enumerate(_shares(counts)):
-            (low1, high1), _, (low3, high3) = JOINTS[finger]
-            q3 = high3 - s * (high3 - low3)
-            q4 = {"same": q3, "half": 90.0 + q3 / 2.0, "zero": 0.0}[self.coupling]
-            rows += [low1 + u * (high1 - low1), 30.0 * v, q3, q4]
-        return rows
-
-    def tips(self, counts: list[int]) -> list[float]:
-        """x y z of each fingertip, mm, in the frame of the finger."""
-        rows = []
-        for finger, (u, v, s) in enumerate(_shares(counts)):
-            _, (low_y, high_y), (low_z, high_z) = TIPS[finger]
-            rows += [51.0 * v, low_y + u * (high_y - low_y), high_z - s * (high_z - low_z)]
-        return rows
+    def poses(self) -> list[tuple[list[float], list[float]]]:
+        """Of each finger, see `pose`."""
+        return [pose(finger, counts, self.coupling) for finger, counts in by_finger(self.encoders())]
 
     def currents(self) -> list[int]:
-        jitter = [self.random.between(-1, 1) if self.noise else 0 for _ in self.motors]
-        return [motor.current(self.torque) + more for motor, more in zip(self.motors, jitter, strict=True)]
+        read = [motor.current(self.torque) for motor in self.motors]
+        return [current + self.random.between(-1, 1) for current in read] if self.noise else read
 
     def sensors(self) -> list[float]:
         values = [force - zero for force, zero in zip(self._forces(), self.bias, strict=True)]
@@ -244,13 +231,23 @@ class Hand:
         return values
 
 
-def _shares(counts: list[int]) -> list[tuple[float, float, float]]:
-    """(u, v, s) of each finger: m1 and m2 together bend (0..1), their difference spreads (-1..1), m3 curls (0..1)."""
-    rows = []
-    for finger, (long, _, short) in enumerate(STROKES):
-        m1, m2, m3 = counts[3 * finger : 3 * finger + 3]
-        rows.append(((m1 + m2) / (2 * long), (m1 - m2) / long, m3 / short))
-    return rows
+def by_finger(counts: list[int]) -> Iterable[tuple[int, tuple[int, ...]]]:
+    """Each finger, and its encoders."""
+    motors = iter(counts)
+    return enumerate(zip(motors, motors, motors, strict=True))
+
+
+def pose(finger: int, counts: tuple[int, ...], coupling: str) -> tuple[list[float], list[float]]:
+    """q1 q2 q3 q4 of a finger in degrees, and x y z of its tip in mm, in its own frame; from its encoders, as the firmware has to."""
+    (m1, m2, m3), (long, _, short) = counts, STROKES[finger]
+    # m1 and m2 together bend (0..1), their difference spreads (-1..1), m3 curls (0..1)
+    u, v, s = (m1 + m2) / (2 * long), (m1 - m2) / long, m3 / short
+    (low1, high1), _, (low3, high3) = JOINTS[finger]
+    _, (low_y, high_y), (low_z, high_z) = TIPS[finger]
+    q3 = high3 - s * (high3 - low3)
+    q4 = {"same": q3, "half": 90.0 + q3 / 2.0, "zero": 0.0}[coupling]
+    tip = [51.0 * v, low_y + u * (high_y - low_y), high_z - s * (high_z - low_z)]
+    return [low1 + u * (high1 - low1), 30.0 * v, q3, q4], tip
 
 
 def from_joints(degrees: list[float]) -> list[float]:

@@ -16,7 +16,7 @@ from handctl.sim.barrett.gcl import Answer, execute
 from handctl.sim.barrett.mechanics import OFFSETS
 from handctl.sim.barrett.parameter_tables import TOO_HOT
 from handctl.sim.barrett.shared_state import Board
-from handctl.sim.engine.simulated_device import NOTHING, Options, Random, Reply, soonest
+from handctl.sim.engine.simulated_device import NOTHING, Options, Random, Reply, Rows, soonest
 
 TYPE_CHECKING = False  # a simulator loads without the typing module
 if TYPE_CHECKING:
@@ -31,7 +31,7 @@ class Device(Board):
     """The hand without its wire."""
 
     HEADER = b"=> \n\r*:0E"
-    OPTIONS = _OPTIONS
+    OPTIONS = Rows(_OPTIONS)
     FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:

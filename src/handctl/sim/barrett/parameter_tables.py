@@ -152,10 +152,10 @@ class Bank:
     def __init__(self, rows: Iterable[Row], firmware: int, width: int) -> None:
         self.rows = {row[0]: row for row in rows if row[6] <= firmware}
         self.all = tuple(range(width))
-        stored = [name for name, row in self.rows.items() if row[5] != STATUS and name not in ALIAS]
-        self.values = {name: [0] * width for name in stored}
-        self.default(self.all)
-        self.saved = {name: list(values) for name, values in self.values.items()}
+        stored = {name: row for name, row in self.rows.items() if row[5] != STATUS and name not in ALIAS}
+        self._factory = {name: (*[row[3]] * 3, row[4])[:width] for name, row in stored.items()}
+        self.values = {name: [*values] for name, values in self._factory.items()}
+        self.saved = {name: [*values] for name, values in self._factory.items()}
         self.saves = 0
         self.only: dict[str, Collection[int]] = {}  # parameters that take some values of their range alone
 
@@ -182,9 +182,8 @@ class Bank:
     def default(self, numbers: tuple[int, ...]) -> None:
         """Factory values in RAM, nothing saved."""
         for name, values in self.values.items():
-            row = self.rows[name]
             for number in numbers:
-                values[number] = row[4] if number == 3 else row[3]
+                values[number] = self._factory[name][number]
 
     def load(self, numbers: tuple[int, ...]) -> None:
         """From the EEPROM."""

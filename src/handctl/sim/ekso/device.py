@@ -111,7 +111,7 @@ STUCK_COUNTS, OFFSET_TENTHS = 333, 30
 CODES = range(10, 22)  # words of GetSettings that hold codes, the PilotID aside
 PILOT_ID, STEP_LENGTH, SWING_TIME = 19, 2, 4
 
-_OPTIONS: Rows = {
+_OPTIONS = {
     "preset": (PRESETS, "values at the first start: clinic (default), vectors (the synthetic transcripts), order or sign (ladders)"),
     "posture": (("standing", POSTURES), f"at the first start: {', '.join(POSTURES)} (default standing)"),
     "boot": ((None, 0, WRAP - 1), "BootTime at the first start in ms, 0..4294967295, made odd (default 7654321, vectors: 5000001)"),
@@ -164,7 +164,7 @@ class Device(Model):
     KIND = "ekso"
     CONTROL = "handctl.sim.ekso.control_commands"
     HEADER = bytes(range(150, 161))
-    OPTIONS = _OPTIONS
+    OPTIONS = Rows(_OPTIONS)
     FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random) -> None:

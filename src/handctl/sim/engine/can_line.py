@@ -12,12 +12,12 @@ import struct
 from handctl.sim.engine.line_and_faults import LINE_FAULTS, LINE_OPTIONS, Cable
 from handctl.sim.engine.simulated_device import Model, Reply, Rows, soonest
 
-CAN_OPTIONS: Rows = {
+CAN_OPTIONS = Rows({
     **LINE_OPTIONS,
     "wire": (("0", "1", "auto"), "1 or 'auto': frames take their time on the bus (67 bits and 8 a data byte, default 0: none)"),
     "turnaround": ((0.0, 60.0), "seconds from the end of a request to its answer (default 0)"),
     "traffic": ((0, 0, 1000), "frames a second that others send to each other, 0..1000 (default 0). They acknowledge as well"),
-}  # fmt: skip
+})  # fmt: skip
 CAN_FAULTS: dict[str, str] = {
     **{name: LINE_FAULTS[name] for name in ("healthy", "silent", "deaf", "late", "slow", "duplicate", "stale")},
     "noise": "frames with other identifiers before and after each answer, also if the answer is lost",

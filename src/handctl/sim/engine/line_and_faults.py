@@ -16,7 +16,7 @@ from handctl.sim.engine.simulated_device import NOTHING, Model, Options, Random,
 Taught = tuple[list[str], list[str]]
 """Control commands that the simulator took, and those that it does not have."""
 
-LINE_OPTIONS: Rows = {
+LINE_OPTIONS = Rows({
     "seed": ((0, 0, 4294967295), "start of the random generator, 0..4294967295 (default 0)"),
     "fault": (None, "faults and states, with commas between"),
     "after": ((0, 0, 1000000000), "the first N requests are healthy (default 0)"),
@@ -34,7 +34,7 @@ LINE_OPTIONS: Rows = {
     "use": (("off", "on"), "on: someone is using the device (a slow grasp or a walk). Its state file is read, not written (default off)"),
     "unplug": (None, "AT:SECONDS[,AT:SECONDS]: the port goes away AT seconds after the start, for SECONDS. The device goes on"),
     "clock": (None, "used by the in-process link, ignored here"),
-}  # fmt: skip
+})  # fmt: skip
 LINE_FAULTS: dict[str, str] = {
     "healthy": "no fault",
     "silent": "the device obeys the request, its answer is lost",
@@ -162,7 +162,7 @@ class Cable(Switched):
 
     def __init__(self, model: type[Model], raw: dict[str, str], options: Rows, faults: Mapping[str, str]) -> None:
         """`options` and `faults` are those of the cable."""
-        self._options = Options(model.KIND, raw, [*options, *model.OPTIONS])
+        self._options = Options(model.KIND, raw, options, model.OPTIONS)
         self.kind = model.KIND
         self.given = given = self._options.read(options)
         self._turnaround = float(given["turnaround"])
@@ -335,7 +335,7 @@ class _Segment:
     sent at `speed`; `data` is what is heard of them."""
 
     def __init__(
-        self, start: float, step: float, data: bytes, hang: bool = False, put: bytes = b"", speed: int | None = None
+        self, start: float, step: float, data: bytes, put: bytes = b"", speed: int | None = None, hang: bool = False
     ) -> None:
         self.start = start
         self.step = step
@@ -451,37 +451,33 @@ class Line(Cable):
             return
         step = self._step(baud) if self._wire >= 0 else 0.0
         start = max(now, self._rx_free) if step else now
-        incoming = _Segment(start, step, bytes(data))
         upcoming = self._hits(self.requests + 1) if self._faults else NOTHING
         if "echo" in upcoming or "loopback" in upcoming:
-            self._tx.append(_Segment(max(start, self._tx_free), step, incoming.data))
+            self._tx.append(_Segment(max(start, self._tx_free), step, bytes(data)))
             self._tx_free = self._tx[-1].end_of(len(data))
         if "loopback" in upcoming or not self.device.powered:
             return
         end = start + step * len(data)
-        heard = None
-        strange = baud is not None and self.device.speed not in (None, baud)
-        if strange:
-            heard = self.device.mishear(incoming.data, baud or 0, self.device.speed or 0)
-        if heard is not None:
-            incoming.data = heard
-            incoming.step *= len(data) / max(1, len(heard))  # the same time on the wire, whatever is made of it
-            self._rx_free = end
-            if not heard:
+        heard: bytes | None = bytes(data)
+        if baud is not None and self.device.speed not in (None, baud):
+            heard = self.device.mishear(bytes(data), baud, self.device.speed or 0)
+            if heard is None:
+                # At a wrong speed a UART sees framing errors: the device never finds a header, so it is silent.
+                if "noise" in upcoming or "garble" in upcoming:
+                    self._send(end, self._random.junk(self._random.between(3, 12), self.device.HEADER), NOTHING)
+                    self._dispatch(now)
                 return
-        elif strange:
-            # At a wrong speed a UART sees framing errors: the device never finds a header, so it is silent.
-            if "noise" in upcoming or "garble" in upcoming:
-                self._send(end, self._random.junk(self._random.between(3, 12), self.device.HEADER), NOTHING)
-                self._dispatch(now)
+            step *= len(data) / max(1, len(heard))  # the same time on the wire, whatever is made of it
+            self._rx_free = end
+        if not heard:
             return
         if self._rx and sum([len(segment.data) - segment.sent for segment in self._rx]) + len(data) > BACKLOG:
             return
         self._rx_free = end
         if not (step or self._rx):
-            self._hand_over(incoming.data)
+            self._hand_over(heard)
         else:
-            self._rx.append(incoming)
+            self._rx.append(_Segment(start, step, heard))
             self._listen()
             self._collect()
         if self._plug.used or self.device.absent:
@@ -640,7 +636,7 @@ class Line(Cable):
                 elif speed is not None and baud not in (None, speed):
                     heard = self.device.mishear(sent, speed, baud or 0)
                     data = sent if heard is None else heard
-                self._tx.append(_Segment(start, step, data, put=sent, speed=speed))
+                self._tx.append(_Segment(start, step, data, sent, speed))
                 start += step * len(data)
             self._tx_free = start
             if hang:

@@ -5,8 +5,8 @@ Knows nothing of any wire format. Time is always passed in (seconds, monotone); 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Collection, Iterator
+from functools import cached_property
 from importlib import import_module
 from itertools import repeat
 
@@ -33,10 +33,16 @@ if TYPE_CHECKING:
             """Somebody who uses the device: each step acts on it, and tells the seconds until the next one."""
 
 
-Rows = Mapping[str, tuple[object, str]]
-"""Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
-default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
-(default, most) of seconds, or None: any text."""
+class Rows(dict[str, tuple[object, str]]):
+    """Options, name -> (form, help). A form is False or True (0 or 1, the default), words to choose from (the first is the
+    default, or the one before them), (default, lowest, highest) of whole numbers, the same with a default such as "0,0,0" of as many numbers,
+    (default, most) of seconds, or None: any text."""
+
+    @cached_property
+    def defaults(self) -> dict[str, Any]:
+        """Their values where none is given, made once for all simulators."""
+        return {name: _default(form) for name, (form, _) in self.items()}
+
 
 NOTHING: frozenset[str] = frozenset()
 
@@ -76,13 +82,13 @@ class Random:
 class Options:
     """The raw strings of a link, read with their ranges. Every complaint is a ValueError of one line."""
 
-    def __init__(self, kind: str, raw: dict[str, str], known: Iterable[str]) -> None:
+    def __init__(self, kind: str, raw: dict[str, str], *known: Collection[str]) -> None:
         self.kind = kind
         self.raw = {name.replace("_", "-"): text for name, text in raw.items()}
-        names = set(known)
         for name in self.raw:
-            if name not in names:
-                raise ValueError(f"unknown option {name!r} of the simulated {kind}. Known: {', '.join(sorted(names))}")
+            if not any(name in names for names in known):
+                names = sorted(set().union(*known))
+                raise ValueError(f"unknown option {name!r} of the simulated {kind}. Known: {', '.join(names)}")
 
     def text(self, name: str) -> str | None:
         return self.raw.get(name)
@@ -117,8 +123,8 @@ class Options:
 
     def read(self, rows: Rows) -> dict[str, Any]:
         """The values of these options, each by its form."""
-        raw = self.raw
-        return {name: self._given(name, form) if name in raw else _default(form) for name, (form, _) in rows.items()}
+        given = [name for name in rows if name in self.raw]
+        return {**rows.defaults, **{name: self._given(name, rows[name][0]) for name in given}}
 
     def _given(self, name: str, form: Any) -> Any:
         match form:
@@ -145,7 +151,6 @@ class Options:
         return tuple(numbers)
 
 
-@lru_cache(None)  # for each simulator anew, some forty of them
 def _default(form: Any) -> Any:
     """The value of an option that is not given."""
     match form:
@@ -173,7 +178,7 @@ class Model:
     """
 
     KIND = ""
-    OPTIONS: ClassVar[Rows] = {}  # in addition to those of the line
+    OPTIONS: ClassVar[Rows] = Rows()  # in addition to those of the line
     FAULTS: ClassVar[dict[str, str]] = {}  # name -> help; states of the device, in addition to the faults of the line
     CONTROL = ""  # name of the module that is its Control, loaded on use
     HEADER = b""  # bytes that start frames here; noise is made of them to trap naive framers

@@ -9,7 +9,7 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 
-from handctl.sim.engine.simulated_device import Options, Random
+from handctl.sim.engine.simulated_device import Options, Random, Rows
 from handctl.sim.exo.mechanics import Hand
 from handctl.sim.inspire.actuator_faults import apply_faults, fault_help, start_hot
 from handctl.sim.inspire.frames import SERIAL_OPTIONS, Serial, frame
@@ -67,7 +67,7 @@ class Device(Serial):
 
     KIND = "exo"
     CONTROL = "handctl.sim.exo.control_commands"
-    OPTIONS = _OPTIONS
+    OPTIONS = Rows(_OPTIONS)
     FAULTS = _FAULTS
     FLAGS = {17: ("", False), 18: ("", True)}  # noqa: RUF012
 

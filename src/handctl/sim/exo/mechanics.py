@@ -196,16 +196,17 @@ class Hand:
         return [round(finger.position) for finger in self.both]
 
     def forces(self) -> list[int]:
-        return [max(-1000, min(1000, round(f.force) + self._noise(f, 2))) for f in self.fingers]
+        return [max(-1000, min(1000, round(f.force) + noise)) for f, noise in self._noisy(2)]
 
     def readings(self) -> list[tuple[str, list[int]]]:
         return [
             ("position", self.positions()),
             ("force", self.forces()),
-            ("current", [max(0, min(1000, round(f.current()) + self._noise(f, 3))) for f in self.fingers]),
+            ("current", [max(0, min(1000, round(f.current()) + noise)) for f, noise in self._noisy(3)]),
             ("error", [finger.error() for finger in self.fingers]),
             ("temperature", [max(0, min(100, int(finger.degrees + 0.0001))) for finger in self.fingers]),
         ]
 
-    def _noise(self, finger: Finger, width: int) -> int:
-        return self.random.between(-width, width) if self.jitter or finger.moving else 0
+    def _noisy(self, width: int) -> list[tuple[Finger, int]]:
+        """Each finger, and the noise of what it reads."""
+        return [(f, self.random.between(-width, width) if self.jitter or f.moving else 0) for f in self.fingers]

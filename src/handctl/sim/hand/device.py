@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import struct
 
-from handctl.sim.engine.simulated_device import Options, Random, Reply
+from handctl.sim.engine.simulated_device import Options, Random, Reply, Rows
 from handctl.sim.hand.registers import (
     CAN_OPTIONS,
     FAULTS,
@@ -142,7 +142,7 @@ class Device(Serial, Front):
 
     BUS = "serial"
     FLAGS = {17: ("", False), 18: ("", True)}  # noqa: RUF012
-    OPTIONS = _OPTIONS
+    OPTIONS = Rows(_OPTIONS)
     FAULTS = _FAULTS
 
     def __init__(self, options: Options, random: Random, hand: Hand | None = None) -> None:
@@ -265,7 +265,7 @@ class CanDevice(Can, Front):
     """
 
     BUS = "can"
-    OPTIONS = _CAN_OPTIONS
+    OPTIONS = Rows(_CAN_OPTIONS)
     FAULTS = FAULTS
 
     def __init__(self, options: Options, random: Random, hand: Hand | None = None) -> None:
@@ -320,7 +320,7 @@ class TcpDevice(Front):
 
     BUS = "modbus-tcp"
     HEADER = b"\0\0\xff\x03"
-    OPTIONS = _TCP_OPTIONS
+    OPTIONS = Rows(_TCP_OPTIONS)
     FAULTS = _TCP_FAULTS
 
     def __init__(self, options: Options, random: Random, hand: Hand | None = None) -> None:

@@ -8,6 +8,7 @@ seen here is evidence about a real hand.
 from __future__ import annotations
 
 import struct
+from functools import lru_cache
 
 from handctl.number_parsing import number_in
 from handctl.sim.engine.simulated_device import Model, Options, Random
@@ -227,10 +228,10 @@ class Hand:
 
     def use_set_values(self) -> None:
         """Tells the fingers what memory says of speeds and limits."""
-        limits = self.values("current-limit") if "current-limit" in self.space.row else None
-        for number, finger in enumerate(self.body.fingers):
-            finger.speed, finger.force_limit = self.values("speed-set")[number], self.values("force-set")[number]
-            finger.current_limit = limits[number] if limits else 0
+        speeds, forces = self.values("speed-set"), self.values("force-set")
+        limits = self.values("current-limit") if "current-limit" in self.space.row else (0,) * len(speeds)
+        for finger, *said in zip(self.body.fingers, speeds, forces, limits, strict=True):
+            finger.speed, finger.force_limit, finger.current_limit = said
 
     def set_faults(self, faults: frozenset[str]) -> None:
         before, self.faults = self.faults, faults
@@ -240,7 +241,6 @@ class Hand:
             finger.stubborn = "force-deaf" in faults
             finger.short = 0.046 * finger.span if "stops-short" in faults and number == 1 else 0.0
         apply_faults(self.body.fingers, faults, ALL_FAULTS)
-        self.publish()
 
     # -- requests ---------------------------------------------------------------------------------------------------------
 
@@ -358,11 +358,12 @@ class Hand:
         for word, values in self.body.readings("foreign" in self.faults):
             self.space.put(word, values)
         row = self.space.row
-        presses = [finger.pressed() for finger in self.body.fingers if "tactile" in row or "touch" in row]
+        presses = tuple(finger.pressed() for finger in self.body.fingers if "tactile" in row or "touch" in row)
         if "tactile" in row:
             dead, saturated = "tactile-dead" in self.faults, "tactile-saturated" in self.faults
             if self.felt != (felt := (presses, dead, saturated)):
-                self.space.put("tactile", skin(presses, dead, saturated, self.given["tactile"] == "quiet"))
+                shown = skin(presses, dead, saturated, self.given["tactile"] == "quiet")
+                self.space.store(self.space.place("tactile"), shown)
                 self.felt = felt
         elif presses:
             self.space.put("touch", touched(presses))
@@ -418,7 +419,8 @@ NAILS = (1, 4, 7, 10, 13)  # zones that an object within the hand does not touch
 DEAD = (6, *range(12, 17))  # middle tip; thumb and palm (dossier §3.4)
 
 
-def skin(presses: Sequence[float], dead: bool, saturated: bool, quiet: bool) -> list[int]:
+@lru_cache(8)  # at first each hand touches nothing
+def skin(presses: tuple[float, ...], dead: bool, saturated: bool, quiet: bool) -> bytes:
     """All values of a TP for what each of six fingers is pressed with, g; the palm feels what all press together."""
     values = [0] * VALUES if quiet else list(range(VALUES))
     felt = [*presses[:4], max(presses[4:6]), sum(presses) / 6.0]
@@ -431,7 +433,7 @@ def skin(presses: Sequence[float], dead: bool, saturated: bool, quiet: bool) -> 
                 values[first + place] = min(MOST, values[first + place] + int(felt[finger] * share))
     if saturated:
         values[0], values[-1] = INVALID, INVALID - 255
-    return values
+    return struct.pack(f"<{VALUES}H", *values)
 
 
 def _share(place: int, count: int) -> float:
@@ -509,6 +511,7 @@ class Front(Asked):
     def set_faults(self, faults: frozenset[str]) -> None:
         self.faults = faults
         self.hand.set_faults(faults)
+        self.hand.publish()
 
     def restored(self) -> None:
         """A state file has changed the hand."""

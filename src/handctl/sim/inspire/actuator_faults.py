@@ -84,10 +84,12 @@ def apply_faults(
     servos: Sequence[Servo], faults: frozenset[str], every: Sequence[int], latched: Latched = ACTUATOR_FAULTS
 ) -> None:
     """Puts the actuators into the states of these faults; `every` are the error bytes of the fault "faults"."""
-    for number, servo in enumerate(servos):
-        byte = every[number] if "faults" in faults and number < len(every) else 0
-        for name, (place, bits) in latched.items():
-            byte |= bits if name in faults and place == number else 0
+    errors = [*every] if "faults" in faults else []
+    errors += [0] * len(servos)
+    for name in faults & latched.keys():
+        place, bits = latched[name]
+        errors[place] |= bits
+    for servo, byte in zip(servos, errors, strict=False):
         servo.errors |= byte & ~OVER_TEMPERATURE
         if byte & OVER_TEMPERATURE:
             servo.overheat()

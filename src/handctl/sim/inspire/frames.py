@@ -51,10 +51,7 @@ def frame(device_id: int, flag: int, body: bytes) -> bytes:
 
 def _sum(data: bytes | bytearray) -> int:
     """Low byte of the sum of everything between header and sum (exo §2.2.1 note 2, wrist §2.2)."""
-    total = 0
-    for byte in data:
-        total += byte
-    return total % 256
+    return sum(data) % 256
 
 
 SERIAL_OPTIONS = {
@@ -138,7 +135,7 @@ class Serial(Asked):
     def feed(self, data: bytes) -> None:
         self._heard = self.now
         self._inbox += data
-        while True:
+        while self._inbox:
             skip, size, _ = find(self._inbox, self.id, self.possible)
             request = bytes(self._inbox[skip : skip + size])
             del self._inbox[: skip + size]

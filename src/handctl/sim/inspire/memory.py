@@ -41,11 +41,9 @@ class Space:
 
     def put(self, word: str, values: Sequence[int]) -> None:
         """Fills a row, also beyond its ranges, or with more values than it has; nothing where there is no such row."""
-        if word not in self.row:
-            return
-        _, place, size, *_ = self.row[word]
-        layout = "B" if size == 1 else "h" if min(values) < 0 else "H"
-        struct.pack_into(f"<{len(values)}{layout}", self.memory, place, *values)
+        if (row := self.row.get(word)) is not None:
+            layout = "B" if row[2] == 1 else "h" if min(values) < 0 else "H"
+            struct.pack_into(f"<{len(values)}{layout}", self.memory, row[1], *values)
 
     def read(self, address: int, count: int) -> bytes:
         """Undocumented bytes read 0."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.sim.engine.simulated_device import Options, Random
+from handctl.sim.engine.simulated_device import Options, Random, Rows
 from handctl.sim.hand import register_maps
 from handctl.sim.hand.registers import OPTIONS as OF_HAND
 from handctl.sim.hand.registers import Hand
@@ -96,11 +96,12 @@ FAULTS = {
     **fault_help(("actuator 1", "actuator 2"), ACTUATOR_FAULTS),
 }
 
+_OF_HAND = Rows(OF_HAND)
+
 
 def carrier(random: Random) -> Hand:
     """The hand that carries the wrist: it moves at once and shows it at once, and begins as it was at every power-on."""
-    given = Options("wrist", {}, OF_HAND).read(OF_HAND)
-    given |= {"refresh": 0.0, "dead-time": 0.0, "reset": "ram", "jitter": None}
+    given = {**_OF_HAND.defaults, "refresh": 0.0, "dead-time": 0.0, "reset": "ram", "jitter": None}
     return Hand(GENERATION, given, random, {**_FACTORY, **_SET}, _READINGS, _FACTORY, stays=True)
 
 
@@ -109,7 +110,7 @@ class Module(Asked):
 
     KIND = "wrist"
     CONTROL = "handctl.sim.wrist.control_commands"
-    OPTIONS = OPTIONS
+    OPTIONS = Rows(OPTIONS)
     FAULTS = FAULTS
     SPEEDS: tuple[int, ...] = ()  # bit/s by speed code
     SPEED = "baud"  # the option
@@ -257,7 +258,7 @@ _FAULTS = {**FAULTS, "no-late-frames": "no save result, no end of a calibration"
 class Device(Serial, Module):
     """The module on its serial wire."""
 
-    OPTIONS = _OPTIONS
+    OPTIONS = Rows(_OPTIONS)
     FAULTS = _FAULTS
     SPEEDS = (115200, 57600, 19200)  # speed codes 0, 1, 2 (RH56)
     FLAGS = {17: ("carrier", False), 18: ("carrier", True), 48: ("wrist", False), 49: ("wrist", True)}  # noqa: RUF012
@@ -280,7 +281,7 @@ _CAN_OPTIONS = {
 class CanDevice(Can, Module):
     """The module on its CAN bus: flag 4 reads the wrist, 5 writes it, 0 and 1 the hand."""
 
-    OPTIONS = _CAN_OPTIONS
+    OPTIONS = Rows(_CAN_OPTIONS)
     SPEED = "bitrate"
     SPEEDS = (1000000, 500000)  # wrist §2.3; the second speed code is that of the RH56 on CAN
     FLAGS = {0: ("carrier", False), 1: ("carrier", True), 4: ("wrist", False), 5: ("wrist", True)}  # noqa: RUF012
