@@ -117,7 +117,7 @@ class ClockFit:
         self._x = self._ahead = self._xx = self._xa = self._aa = 0.0
 
     def add(self, x: float, y: float) -> None:
-        """Take a point; seconds. As `extend` does with one, which the line waits for once a row."""
+        """Take a point; seconds. As `extend` with one of each: a recording has one with every row."""
         total = self.count + 1
         off_x, off, weight = x - self._x, y - x - self._ahead, self.count / total
         self._xx += off_x * off_x * weight
