@@ -10,9 +10,14 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
+own_process = False
+"""Whether the process is the program's own: nobody else in it asks for a module."""
+
 
 def defer_unused_modules() -> None:
     """Stand in for those that are not loaded yet."""
+    global own_process  # noqa: PLW0603 - there is one process
+    own_process = True
     _late("inspect", cleandoc=_cleandoc, isclass=lambda found: isinstance(found, type))
     _late("uuid", UUID=None)
     _late("pickle", "dumps", "loads")  # of rich's styles with a memory, of which we have none

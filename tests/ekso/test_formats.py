@@ -14,6 +14,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from statistics import linear_regression
 from typing import Any
@@ -23,6 +24,7 @@ import pytest
 from handctl.command.log_command import _first
 from handctl.devices.ekso.log_reader import LogFile
 from handctl.model.device_clock import Moment
+from handctl.record.exports import absent
 from handctl.record.marks import Heard, Marks
 from handctl.record.row_source import Sample
 from tests.ekso.recordings import STANDING, Device, opened, words_at
@@ -382,6 +384,24 @@ def test_parquet_has_the_time_by_the_fit(log: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet")
     out, _ = exported(log, "parquet")
     assert parquet.read_table(out).column("host_fit_s").to_pylist() == pytest.approx(fitted(recorded(log)), abs=2e-6)
+
+
+def test_parquet_of_several_row_groups_is_the_same(log: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their numbers are packed in memory that the one before has used."""
+    parquet = pytest.importorskip("pyarrow.parquet")
+    whole = parquet.read_table(exported(log, "parquet")[0])
+    monkeypatch.setattr("handctl.record.exports.parquet.GROUP", 1)
+    monkeypatch.setattr("handctl.devices.ekso.log_reader.CHUNK", 4096)
+    file = parquet.ParquetFile(exported(log, "parquet")[0])
+    assert file.num_row_groups > 5 and file.read().equals(whole)
+
+
+def test_a_module_is_absent_only_meanwhile() -> None:
+    with absent(["colorsys", "json"]):
+        with pytest.raises(ImportError):
+            import_module("colorsys")
+        assert import_module("json") is json
+    assert import_module("colorsys")
 
 
 # -- what holds for all ---------------------------------------------------------------------------------------------------

@@ -235,7 +235,7 @@ class SerialLink(ByteLink):
         try:
             if self._fd is None:
                 return self._read_slices(deadline, size)
-            if not readable(self._fd, deadline.remaining):
+            if deadline is not self.at_once and not readable(self._fd, deadline.remaining):
                 return b""
             data = os.read(self._fd, size)
         except BlockingIOError:

@@ -72,8 +72,8 @@ class Segment(timeline.Segment):
     utc_s     the host's time of its first row, seconds since 1970
     pause_s   since the last row of the segment before, by the host
     apart_ms  the most by which device and host contradict each other within it
-    said      its fit as the sidecar has it, None = the rows are asked for it, and how far the clocks part
-    boots     the device's clock at its first and last row, None = it has none
+    said      its fit as the sidecar has it, None = the rows are asked for it, for `apart_ms` and for `boots`
+    boots     the device's clock at its first and last row, None = it has none, or the rows were not asked
     """
 
     utc_s: float = 0.0
@@ -87,9 +87,9 @@ class Segment(timeline.Segment):
     def read(self, rows: Block, clock: str) -> None:
         """Take rows that follow each other; `clock` is the column of the device's clock, "" where it has none."""
         mono = rows.floats("host_mono_s")
-        if clock:
-            self._follow(rows.integers(clock), rows.t_ms)
         if self.said is None:
+            if clock:
+                self._follow(rows.integers(clock), rows.t_ms)
             self._compare(rows.t_ms, mono, rows.floats("rtt_ms"), clocked=bool(clock))
         self.rows += len(mono)
         half = float(rows.columns["rtt_ms"][-1]) / 2000

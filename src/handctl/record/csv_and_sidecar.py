@@ -114,18 +114,20 @@ class Recording:
         place = self.timeline.place(sample.device_ms, sample.moment, reopened=self._reopened)
         stamp = Stamp(sample.moment.middle + self._utc_offset, place, seq)
         heard = self.pending[:MOST]
-        mark = _text(heard)
+        mark = _text(heard) if heard else ""
         text = self.source.layout.line(stamp, sample.values, "; ".join([*_notes(place), *([mark] if mark else [])]))
         with without_interrupts():
             if self.kept:
                 self._replace()
             self._append(text)
             self.timeline.count(place)
-            self.unread.update(sample.unread.keys())
-            self.unread_why |= sample.unread
+            if sample.unread:
+                self.unread.update(sample.unread.keys())
+                self.unread_why |= sample.unread
             self._reopened = False
             self._first, self._last = self._first or stamp, stamp
-            self._keep_marks(heard, self.rows)
+            if heard:
+                self._keep_marks(heard, self.rows)
         if self.on_row is not None:
             self.on_row(sample.moment.middle, text)
         return 0 < before < len(self.timeline.segments)

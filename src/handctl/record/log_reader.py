@@ -145,6 +145,9 @@ class Block:
         self.t_ms: list[int] = []
         self.segments: list[int] = []
         self.known: dict[str, Sequence[Any]] = {}
+        self.joined: dict[str, bytes] = {}
+        """Columns of the recorder, a line each, where that was made to check them."""
+        self._integers: dict[str, Sequence[int]] = {}
 
     @property
     def text(self) -> bytes:
@@ -172,8 +175,14 @@ class Block:
 
     def integers(self, name: str) -> Sequence[int]:
         """A column as integers."""
-        texts = self.columns[name]
-        return [int(texts[0])] * len(texts) if constant(texts) else list(map(int, texts))
+        if name not in self._integers:
+            texts = self.columns[name]
+            self._integers[name] = [int(texts[0])] * len(texts) if constant(texts) else list(map(int, texts))
+        return self._integers[name]
+
+    def lines(self, name: str) -> bytes:
+        """A column as it was written, a line each."""
+        return self.joined.get(name) or b"\n".join(self.columns[name])
 
 
 class LogFile:
@@ -352,19 +361,23 @@ class LogFile:
 
     def _block(self, data: bytes, last: tuple[int, int]) -> Block | None:
         """These rows, checked column by column; None where something in them is unusual."""
-        try:
-            data.decode("utf-8")
-        except UnicodeDecodeError:
-            return None
+        if not data.isascii():
+            try:
+                data.decode("utf-8")
+            except UnicodeDecodeError:
+                return None
         found = _columns(data, len(self.names))
         if found is None:
             return None
         block = Block(dict(zip(self.names, found, strict=True)), data)
-        lead = {name: joined(block.columns[name], decimals) for name, decimals in self.lead}
-        segments, times = block.columns["segment"], lead["t_s"]
-        if times is None or None in lead.values() or not constant(segments) or not self._right(block):
+        for name, decimals in self.lead:
+            if (lines := joined(block.columns[name], decimals)) is None:
+                return None
+            block.joined[name] = lines
+        segments = block.columns["segment"]
+        if not constant(segments) or not self._right(block):
             return None
-        block.t_ms = integers(times)
+        block.t_ms = integers(block.joined["t_s"])
         block.segments = [int(segments[0])] * len(segments)
         follows = last <= (block.segments[0], block.t_ms[0]) and block.segments[0] <= last[0] + 1
         return block if follows and block.t_ms == sorted(block.t_ms) else None
@@ -436,7 +449,11 @@ def _columns(data: bytes, width: int) -> Sequence[Sequence[bytes]] | None:
             return None
         return [[field.encode() for field in column] for column in zip(*lines, strict=True)]
     flat = parted.split(b",")
-    last = b"".join(flat[width - 1 :: width]).removesuffix(b"\r").split(end)
+    ends = flat[width - 1 :: width]
+    if ends.count(end) == rows - 1 and end.startswith(ends[-1] + b"\n"):  # no row has a mark, as mostly
+        last = [b""] * rows
+    else:
+        last = b"".join(ends).removesuffix(b"\r").split(end)
     if len(flat) != rows * width or len(last) != rows:
         return None
     return [*(flat[at::width] for at in range(width - 1)), last]

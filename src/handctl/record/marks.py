@@ -69,7 +69,8 @@ class Marks:
 
     def take(self) -> Sequence[Heard]:
         """What has come since the last call."""
-        self.hear(self._keys(), "key")
+        if pressed := self._keys():
+            self.hear(pressed, "key")
         found = []
         while not self._came.empty():
             found.append(self._came.get())

@@ -117,8 +117,15 @@ class ClockFit:
         self._x = self._ahead = self._xx = self._xa = self._aa = 0.0
 
     def add(self, x: float, y: float) -> None:
-        """Take a point; seconds."""
-        self.extend((x,), (y,))
+        """Take a point; seconds. As `extend` with one of each: a recording has one with every row."""
+        total = self.count + 1
+        off_x, off, weight = x - self._x, y - x - self._ahead, self.count / total
+        self._xx += off_x * off_x * weight
+        self._xa += off_x * off * weight
+        self._aa += off * off * weight
+        self._x += off_x / total
+        self._ahead += off / total
+        self.count = total
 
     def extend(self, x: Sequence[float], y: Sequence[float]) -> None:
         """Take points."""

@@ -17,7 +17,7 @@ from handctl.devices.ekso.frames import Command
 from handctl.devices.ekso.parameter_map import DATA, FEEDBACK, SETTINGS, Word, boot_ms, state_text
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.record.csv_columns import MARK, Layout, Stamp, lead, quoted
-from handctl.record.log_reader import parse_fixed
+from handctl.record.log_reader import Known, forget, parse_fixed
 from handctl.record.row_source import Sample, Source
 from handctl.record.timeline import BOOT_WRAP, Place
 
@@ -182,6 +182,11 @@ def parse(quantity: Word, text: str) -> int:
     return number
 
 
+def _says(quantity: Word) -> Callable[[int], str]:
+    """What makes a word of a quantity its text."""
+    return lambda word: text_of(quantity, quantity.raw_of(word))
+
+
 class RowLayout(Layout):
     """The columns of one file: those of GetData in wire order, with `raw` also its words as they came."""
 
@@ -190,6 +195,13 @@ class RowLayout(Layout):
         self.columns = tuple(column_of(quantity) for quantity in self.shown)
         self._named = next(at for at, quantity in enumerate(self.shown) if quantity.name == NAMED)
         self.raw = raw
+        kinds: dict[tuple[int, bool], Known] = {}
+        self._cells = [
+            (quantity.word, kinds.setdefault((quantity.decimals, quantity.signed), Known(_says(quantity))))
+            for quantity in self.shown
+        ]
+        """Where the word of each column is, and the texts of its kind."""
+        self._kinds = kinds.values()
         names = [name for name, _ in LEAD]
         for quantity in self.shown:
             names += [column_of(quantity), f"{NAMED}_name"] if quantity.name == NAMED else [column_of(quantity)]
@@ -207,9 +219,10 @@ class RowLayout(Layout):
 
     def line(self, stamp: Stamp, values: Sequence[int], mark: str) -> str:
         """One row of the 27 words."""
-        numbers = [quantity.raw_of(values[quantity.word]) for quantity in self.shown]
-        cells = list(map(text_of, self.shown, numbers))
-        cells.insert(self._named + 1, quoted(state_text(numbers[self._named])))
+        forget(self._kinds)
+        cells = [texts[values[word]] for word, texts in self._cells]
+        state = self.shown[self._named]
+        cells.insert(self._named + 1, quoted(state_text(state.raw_of(values[state.word]))))
         texts = [*stamp.texts(), *cells, quoted(mark)]
         if self.raw:
             texts += [str(word & 0xFFFF) for word in values]

@@ -11,12 +11,15 @@ A writer is `write(export)`; it raises OSError where the disk fails. What it nee
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from typing import Any
 
+from handctl import lazy_stdlib
 from handctl.errors import UsageError
 from handctl.files import as_text, writing
 from handctl.model.export_formats import FORMATS
@@ -146,6 +149,9 @@ def write(export: Export, kind: str) -> None:
     if library := FORMATS[kind].library:
         os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # its usual one keeps 13 MB for half a megabyte
         try:
+            if library == "pyarrow" and lazy_stdlib.own_process:
+                with suppress(ImportError), absent(("numpy",)):  # 11 MB; before version 18 it cannot do without
+                    import_module(library)
             import_module(library)
         except ImportError as exc:
             raise UsageError(
@@ -159,6 +165,20 @@ def write(export: Export, kind: str) -> None:
     with writing(export.path):
         import_module(f"{__name__}.{kind}").write(export)
     export.remarks += export.log.remarks()
+
+
+@contextmanager
+def absent(names: Iterable[str]) -> Iterator[None]:
+    """Modules that no import finds meanwhile, unless they are loaded already: what a library would load and use for nothing here."""
+    hidden = [name for name in names if name not in sys.modules]
+    nothing: dict[str, Any] = dict.fromkeys(hidden)
+    sys.modules.update(nothing)
+    try:
+        yield
+    finally:
+        for name in hidden:
+            if sys.modules.get(name, name) is None:
+                del sys.modules[name]
 
 
 def name_of(export: Export) -> str:

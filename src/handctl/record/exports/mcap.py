@@ -10,9 +10,10 @@ import re
 import struct
 import zlib
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterable, Sequence
 from io import BytesIO
-from itertools import accumulate, chain, islice, repeat
+from itertools import accumulate, chain, repeat
 from operator import mul, sub
 from typing import IO, TYPE_CHECKING, Any
 
@@ -29,9 +30,14 @@ HEAD = struct.Struct("<BQHIQQ")
 """Of a message: what it is, length, channel, sequence, log time, publish time."""
 APART = 9
 """Bytes of it that the length does not count."""
+ROOM = bytes(HEAD.size)
+"""It is written when the length is known."""
+MOST_ASKED = 0xFFFFFFFF
+"""The highest sequence number of a message; each row has a higher one than the row before."""
 NS = 1e9
-LEVEL = -2
-"""Of the compression: with names that repeat in each message the file is about as small at twice the speed of the usual one."""
+LEVEL, HOW = -2, {"hash_log": 11, "min_match": 4}
+"""Of the compression: with names that repeat in each message the file is about as small at twice the speed of the usual one. A message
+goes back no further than the one before it, which needs few places, and its short numbers are found only as short matches."""
 NUMBER = re.compile(r"-?(0|[1-9][0-9]*)([.][0-9]+)?([eE][-+]?[0-9]+)?", re.ASCII)
 """Of JSON."""
 
@@ -51,12 +57,13 @@ def write(export: Export) -> None:
         heads = [b"%b%b:" % (b"," if at else b"{", json.dumps(name).encode()) for at, name in enumerate(rows)]
         texts = Meanings(lambda text: json.dumps(text).encode())
         for _, block, utc in export.blocks(_number):
-            asked = [number & 0xFFFFFFFF for number in block.integers("seq")]
+            if (asked := block.integers("seq"))[-1] > MOST_ASKED:
+                asked = [number & MOST_ASKED for number in asked]
             came = _ns(block.floats("host_utc_s"))
             writer.add(data, _ns(utc), _rows(log, heads, block, texts), came, asked)
             forget([texts])
         for at, one in enumerate(export.events):
-            text = json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
+            text = ROOM + json.dumps({"kind": one.kind, "text": one.text, "row": one.row}).encode()
             time = round(one.utc_s * NS)
             writer.add(marks, [time], [text], [time], [at])
         writer.finish()
@@ -71,13 +78,10 @@ class Chunks:
     def __init__(self, file: IO[bytes], tool: str) -> None:
         from mcap import records
         from mcap.opcode import Opcode
-        from zstandard import ZstdCompressor
+        from zstandard import ZstdCompressionParameters, ZstdCompressor
 
-        self._records, self._opcode, self._compress = (
-            records,
-            Opcode,
-            ZstdCompressor(level=LEVEL, write_checksum=True).compress,
-        )
+        how = ZstdCompressionParameters.from_level(LEVEL, write_checksum=True, **HOW)
+        self._records, self._opcode, self._compress = records, Opcode, ZstdCompressor(compression_params=how).compress
         self._file = file
         self._schemas: list[Any] = []
         self._channels: list[Any] = []
@@ -118,19 +122,21 @@ class Chunks:
     def add(
         self, channel: int, times: Sequence[int], texts: Sequence[bytes], came: Sequence[int], numbers: Sequence[int]
     ) -> None:
-        """Messages: log time, content, publish time, sequence."""
-        lengths, done = [HEAD.size + len(text) for text in texts], 0
-        heads = map(HEAD.pack, repeat(5), map(sub, lengths, repeat(APART)), repeat(channel), numbers, times, came)
-        messages = chain.from_iterable(zip(heads, texts, strict=True))
+        """Messages: log time, content with ROOM in front of it, publish time, sequence."""
+        lengths, done = list(map(len, texts)), 0
         self._counts[channel] = self._counts.get(channel, 0) + len(lengths)
         while done < len(lengths):
-            places = list(accumulate(lengths[done:] if done else lengths, initial=self._data.tell()))
-            some = min(bisect_right(places, CHUNK, 1), len(places) - 1)
+            places = list(accumulate(lengths[done:], initial=self._data.tell()))
+            count = min(bisect_right(places, CHUNK, 1), len(places) - 1)
+            some = slice(done, done + count)
             at, place = self._found.setdefault(channel, ([], []))
-            at += times[done : done + some]
-            place += places[:some]
-            self._data.writelines(islice(messages, 2 * some))
-            done += some
+            at += times[some]
+            place += places[:count]
+            self._data.writelines(texts[some])
+            left = map(sub, lengths[some], repeat(APART))
+            with self._data.getbuffer() as data:
+                deque(map(HEAD.pack_into, repeat(data), places, repeat(5), left, repeat(channel), numbers[some], times[some], came[some]), 0)  # fmt: skip
+            done += count
             if self._data.tell() > CHUNK:
                 self._close()
 
@@ -209,16 +215,16 @@ def _bytes(*some: Any) -> bytes:
 
 def _ns(times: Iterable[float]) -> list[int]:
     """Times in seconds as whole nanoseconds."""
-    return list(map(round, map(mul, times, repeat(NS))))
+    return list(map(float.__round__, map(mul, times, repeat(NS))))
 
 
 def _rows(log: LogFile, heads: Sequence[bytes], block: Block, texts: Meanings) -> list[bytes]:
-    """The rows as JSON, each value after its head; neighbours that are the same in all rows are joined once."""
+    """The rows as JSON behind ROOM, each value after its head; neighbours that are the same in all rows are joined once."""
     columns = [_plain(block, name, decimals) for name, decimals in log.lead]
     columns += [block.known[one.column] for one in log.channels]
     columns += [texts.of(block.columns[name]) for name in log.texts]
     parts: list[Iterable[bytes]] = []
-    same = b""
+    same = ROOM
     for head, column in zip(heads, columns, strict=True):
         same += head
         if constant(column):
@@ -239,7 +245,7 @@ def _number(text: str, number: float) -> bytes:
 def _plain(block: Block, name: str, decimals: int) -> Sequence[bytes]:
     """A column of the recorder as JSON: as it was written, but for zeros that only lead."""
     texts = block.columns[name]
-    lines = b"\n" + (texts[0] if constant(texts) else b"\n".join(texts))
+    lines = b"\n" + (texts[0] if constant(texts) else block.lines(name))
     if b"-" not in lines and (b"\n0" not in lines or (decimals and lines.count(b"\n0") == lines.count(b"\n0."))):
         return texts
-    return [repr(number).encode() for number in (block.floats(name) if decimals else map(int, texts))]
+    return [repr(number).encode() for number in (block.floats(name) if decimals else block.integers(name))]

@@ -14,13 +14,14 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from handctl.files import atomic_write
+from handctl.record.exports import absent
 from handctl.record.log_reader import Block, LogFile
 
 if TYPE_CHECKING:
     from handctl.record.exports import Export
 
-GROUP = 5_000
-"""Rows of a row group, about."""
+GROUP = 10_000
+"""Rows of a row group, about: what a file holds of each stays in memory until its end."""
 REMOTE = ("pyarrow._s3fs", "pyarrow._gcsfs", "pyarrow._azurefs", "pyarrow._hdfs")
 FIT = "host_fit_s"
 CODES = {"double": "d", "int64": "q", "int32": "i"}
@@ -62,17 +63,11 @@ def _library() -> Any:
     Whoever imports `pyarrow.fs` afterwards gets all of it.
     """
     known = "pyarrow.fs" in sys.modules
-    missing: dict[str, Any] = dict.fromkeys(REMOTE)
-    before = {name: sys.modules[name] for name in REMOTE if name in sys.modules}
-    sys.modules.update(missing | before)
-    try:
-        return import_module("pyarrow.parquet")
-    finally:
-        for name in REMOTE:
-            if sys.modules[name] is None:
-                del sys.modules[name]
-        if not known:
-            sys.modules.pop("pyarrow.fs", None)
+    with absent(REMOTE):
+        found = import_module("pyarrow.parquet")
+    if not known:
+        sys.modules.pop("pyarrow.fs", None)
+    return found
 
 
 def _fields(log: LogFile) -> Iterator[tuple[str, str, dict[str, str]]]:
@@ -102,12 +97,14 @@ class Column:
     def __init__(self, name: str, kind: Any, *, gaps: bool) -> None:
         self._name, self._kind, self._gaps = name, kind, gaps
         self._code = CODES.get(str(kind))
+        self._data = bytearray()
+        """Numbers, in memory that each row group uses again."""
         self._begin()
 
     def _begin(self) -> None:
-        self._data: list[bytes] = []
-        self._lengths: list[int] = []
-        """Of texts."""
+        self._filled = 0
+        """Bytes of `_data` with numbers of these rows."""
+        self._texts: list[bytes] = []
         self._there: list[str] = []
         """A digit for each value, 0 where it is missing."""
 
@@ -118,20 +115,27 @@ class Column:
             texts = block.columns[name]
             self._there += ["1" if text else "0" for text in texts] if b"" in texts else ["1" * len(texts)]
         if code is None:
-            self._lengths += map(len, block.columns[name])
-            self._data += block.columns[name]
+            self._texts += block.columns[name]
         else:
             numbers = block.floats(name) if code == "d" else block.known.get(name) or block.integers(name)
-            self._data.append(struct.pack(f"{len(numbers)}{code}", *numbers))
+            layout = struct.Struct(f"{len(numbers)}{code}")
+            if (missing := self._filled + layout.size - len(self._data)) > 0:
+                self._data += bytes(missing)
+            layout.pack_into(self._data, self._filled, *numbers)
+            self._filled += layout.size
 
     def array(self, count: int) -> Any:
-        """An array of the library of these rows, with a bit for each value that is there; the next ones begin another."""
+        """An array of the library of these rows, with a bit for each value that is there; it is over once more rows are taken."""
         import pyarrow
 
         there = "".join(reversed("".join(self._there)))  # the last one is the highest
         bits = int(there, 2).to_bytes(-(-count // 8), "little") if "0" in there else None
-        ends = struct.pack(f"{count + 1}i", *accumulate(self._lengths, initial=0)) if self._code is None else None
-        buffers = [bits, *([ends] if ends else []), b"".join(self._data)]
+        buffers: list[Any]
+        if self._code is None:
+            ends = struct.pack(f"{count + 1}i", *accumulate(map(len, self._texts), initial=0))
+            buffers = [bits, ends, b"".join(self._texts)]
+        else:
+            buffers = [bits, memoryview(self._data)[: self._filled]]
         self._begin()
         return pyarrow.Array.from_buffers(
             self._kind, count, [None if one is None else pyarrow.py_buffer(one) for one in buffers]
