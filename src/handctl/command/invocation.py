@@ -483,9 +483,8 @@ def _take_environment(
         {name: option.key for name, (option, value) in found.items() if value}, "environment", passed
     ):
         del found[name]
-    if (
-        passed is not None and "HANDCTL_DEVICE" in found and found.pop("HANDCTL_FAKE", None)
-    ):  # no simulator needs a stop
+    if passed is not None and {"HANDCTL_DEVICE", "HANDCTL_FAKE"} <= found.keys():
+        del found["HANDCTL_FAKE"]  # a simulator needs no stop
         passed.append(UsageError("HANDCTL_FAKE selects another link", hint="unset HANDCTL_FAKE"))
     for variable, (option, value) in found.items():
         chosen.offer(option.key, value, Source(ENVIRONMENT, variable))
