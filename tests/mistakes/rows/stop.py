@@ -30,7 +30,7 @@ ROWS = (
         OTHER,
         "handctl.command.invocation",
         "_take_environment",
-        'del found["HANDCTL_FAKE"]',
+        'del found["HANDCTL_FAKE"]  # a simulator needs no stop',
         "pass",
         "tests/stop/test_settings.py::test_a_variable_that_names_a_device_is_no_simulator_and_tells_of_another_port",
     ),
