@@ -17,6 +17,24 @@ AGAIN = "return asked_again and access is not None and "
 
 ROWS = (
     mistake(
+        "stop-of-an-exo-takes-another-reply-for-silence",
+        "wrong exit code",
+        EXO,
+        "stop_steps",
+        'return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)',
+        "return Stopped(text, POWER, NoAnswer)",
+        "tests/stop/test_stop_sequence.py::test_what_comes_in_place_of_the_acknowledgement_of_a_hold_is_no_silence",
+    ),
+    mistake(
+        "stop-of-a-wrist-takes-another-reply-for-silence",
+        "wrong exit code",
+        WRIST,
+        "stop_steps",
+        'return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)',
+        "return Stopped(text, POWER, NoAnswer)",
+        "tests/stop/test_stop_sequence.py::test_what_comes_in_place_of_the_acknowledgement_of_a_hold_is_no_silence",
+    ),
+    mistake(
         "stop-of-several-waits-for-a-name-that-nobody-has",
         "none of the devices is stopped, because one of their names is mistyped",
         "handctl.command.several_devices",
