@@ -131,6 +131,7 @@ def test_save_without_a_result_is_a_note() -> None:
     [
         pytest.param([(0.0, SAVE_ACK), (1.0, SAVED)], "saved", id="as documented"),
         pytest.param([(1.0, SAVED)], "saved", id="lost ack, result came"),
+        pytest.param([(1.0, "90 EB 01 04 12 ED 03 00 07")], "saved", id="lost ack, result with flag 12"),
         pytest.param([(0.0, "90 EB 01 04 12 ED 03 01 09"), (1.0, SAVED)], "saved", id="spoiled ack, result came"),
         pytest.param([(0.6, SAVE_ACK), (1.6, SAVED)], "saved", id="both late"),
         pytest.param([(0.8, f"{SAVE_ACK} {SAVED}")], "saved", id="both late, in one piece"),

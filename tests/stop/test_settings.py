@@ -238,6 +238,29 @@ def test_what_contradicts_itself_holds_up_no_stop(
         assert result.codes().count("passed-over") == told, result.json["messages"]
 
 
+def test_names_that_cannot_be_found_hold_up_no_stop_of_the_others(tmp_path: Path) -> None:
+    """Whatever is wrong with one of them, the result says that it was not stopped."""
+    path = tmp_path / "config.toml"
+    path.write_text(CONFIG)
+    env = {"HANDCTL_CONFIG": str(path)}
+    for names in ("nobody,left", "left,none,nobody"):
+        result = run("stop", "-d", names, "--json", env=env)
+        assert [(one["name"], one["exit_code"]) for one in result.json["results"]] == [("left", 0)], result
+        assert result.code == 2 and all(name in result.error["text"] for name in names.split(",") if name != "left")
+    assert run("status", "-d", "left,nobody", env=env).code == 2
+
+
+def test_a_variable_that_names_a_device_is_no_simulator_and_tells_of_another_port(tmp_path: Path) -> None:
+    path = tmp_path / "config.toml"
+    path.write_text(CONFIG)
+    env = {"HANDCTL_CONFIG": str(path), "HANDCTL_DEVICE": "left"}
+    result = run("stop", "--json", env={**env, "HANDCTL_FAKE": "1"})
+    assert (result.code, result.json["device"]["link"]) == (0, "fake://exo?clock=virtual"), result
+    assert "HANDCTL_FAKE" in result.out
+    result = run("stop", "--json", env={**env, "HANDCTL_PORT": "fake://barrett?clock=virtual"})
+    assert (result.code, "other-port" in result.codes()) == (0, True), result
+
+
 def test_where_nothing_says_which_device_it_is_nothing_is_guessed(tmp_path: Path) -> None:
     path = tmp_path / "config.toml"
     path.write_text(CONFIG)

@@ -57,6 +57,16 @@ def test_the_command_says_so_too(tmp_path: Path) -> None:
     assert written[:2] == [(RELEASE, summed(PLACES).hex(" ").upper()), (hold, None)]
 
 
+@each_row(("family", "held"), [("exo", "EB90010B32"), ("wrist", "EB90010731")])
+def test_what_comes_in_place_of_the_acknowledgement_of_a_hold_is_no_silence(family: str, held: str) -> None:
+    """The reply to a question of somebody else: exit code 5, and the message has its bytes."""
+    other = summed("90EB010530000407FF")
+    first = half_deaf(PLACES).answer if family == "exo" else wrist("01").answer
+    link = ScriptedLink(lambda one: [(0.01, other)] if one.hex().upper().startswith(held) else first(one))
+    stopped = exchange_steps(link, stop_sequence_of(family, StopContext(Settings())), [])
+    assert stopped.error is ProtocolError and other.hex(" ").upper() in stopped.text, stopped
+
+
 def wrist(taken: str, silent: int = 0) -> ScriptedLink:
     """A wrist at pitch 1.00°, yaw 2.00° that answers its hold with `taken`, and the first questions for its angles not at all."""
     angles = bytes.fromhex("EB90010430FC0304")

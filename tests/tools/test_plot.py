@@ -90,6 +90,8 @@ def test_a_file_that_grew_by_the_clock(tmp_path: Path) -> None:
         ("name,value\r\n", ("a,1",), "no-time"),
         ("a;b\r\n", ("1;2",), "no-time"),
         (HEADER, ("\0",), "no-rows"),
+        (HEADER.replace("\r\n", "\r"), ("0,1\r",), "no-time"),
+        (HEADER, ('"0"\r,1',), "no-rows"),
     ],
 )
 def test_what_is_no_recording(header: str, rows: tuple[str, ...], code: str, tmp_path: Path) -> None:

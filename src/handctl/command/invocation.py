@@ -277,6 +277,7 @@ def _check_columns(run: Invocation) -> None:
 
 def _let_pass(run: Invocation) -> None:
     """No file and no format holds up a stop. What its family has to say is `stop.stop_command.fall_back`."""
+    _check_named_device(run)
     if run.settings.format == "openmetrics":
         run.settings = run.settings._replace(format="table")
     path = run.settings.output
@@ -310,13 +311,13 @@ def _check_files(run: Invocation) -> None:
 
 def _check_named_device(run: Invocation) -> None:
     """Whether the device that -d names is meant; a default device is judged when its link is needed."""
-    if run.sources.get("device") == COMMAND_LINE:
+    if run.sources.get("device") == COMMAND_LINE and not run.stops:
         refuse_other_family(run)
     source = run.sources.get("port") or run.sources.get("fake")
     if run.settings.kind is None or source is None or source.level != ENVIRONMENT:
         return
     text = f"{source.where} replaces the port of {run.settings.device!r}"
-    if run.writes and not run.settings.dry_run:
+    if run.writes and not run.stops and not run.settings.dry_run:
         raise UsageError(
             f"{text}, so it is unclear which device is meant",
             hint=f"unset {source.where}, or run the command without -d",
@@ -482,6 +483,9 @@ def _take_environment(
         {name: option.key for name, (option, value) in found.items() if value}, "environment", passed
     ):
         del found[name]
+    if passed is not None and {"HANDCTL_DEVICE", "HANDCTL_FAKE"} <= found.keys():
+        del found["HANDCTL_FAKE"]  # a simulator needs no stop
+        passed.append(UsageError("HANDCTL_FAKE selects another link", hint="unset HANDCTL_FAKE"))
     for variable, (option, value) in found.items():
         chosen.offer(option.key, value, Source(ENVIRONMENT, variable))
 

@@ -65,14 +65,14 @@ def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
 
 
 def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
-    """The names, each once. Raises UsageError; with `urgent`, errors in entries of other devices are ignored."""
+    """The names, each once. Raises UsageError; with `urgent` what is wrong with one of them holds up none of the others."""
     from handctl.command.config import read_config
 
     config = read_config(passed=[] if urgent else None)
     names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
     if not names:
         raise UsageError(f"-d {text}: no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
-    for name in names:
+    for name in names if not urgent else ():
         config.find(name)
     return tuple(dict.fromkeys(names))
 
@@ -197,6 +197,8 @@ class Several(Run):
     """The run that shows what the runs of all devices found."""
 
     every: tuple[EachDevice, ...] = ()
+    unfit: tuple[tuple[str, HandctlError], ...] = ()
+    """The names that a stop could make nothing of: it stops the other devices."""
 
     @property
     def simulated(self) -> bool:
@@ -211,11 +213,16 @@ def run_on_each(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -
         one = parse_line([*words[:begin], *words[place + 1 :], *names], {})
         one.leaf.invoke(one.context)
         return
-    every = []
+    every, unfit = [], []
     for name in names:
         own = [word.replace(NAME, name) for word in words]
         own[place] = f"{start}{name}"
-        every.append(EachDevice(name, parse_line(own, {})))
+        try:
+            every.append(EachDevice(name, parse_line(own, {})))
+        except UsageError as exc:
+            unfit.append((name, exc))
+    if unfit and not (every and every[0].line.leaf.stops):
+        raise unfit[0][1]
     first = every[0].line
     _check(words, every)
     alike = len({each.line.command for each in every}) == 1
@@ -223,7 +230,7 @@ def run_on_each(words: Sequence[str], found: tuple[int, str, tuple[str, ...]]) -
     context = click.Context(first.leaf, info_name=f"handctl {command}")
     settings = first.settings._replace(port=None, fake=False, trace=None, device=None, kind=None, wide=False)
     whole = Several(context, settings, None)
-    whole.every = tuple(every)
+    whole.every, whole.unfit = tuple(every), tuple(unfit)
     with whole.shown():
         whole.carry_out(lambda: _together(whole, every))
 
@@ -309,7 +316,7 @@ def _compares(one: ScriptLine) -> bool:
 
 def _compared(whole: Several, every: Sequence[EachDevice]) -> Table:
     """What differs between the two devices."""
-    failure, results = _failure(every), [each.result(with_rows=False) for each in every]
+    failure, results = _failure(whole), [each.result(with_rows=False) for each in every]
     if failure is not None:
         return Table(failure=failure, extra={"results": results})
     sides = [(each.name, {row["name"]: row["value"] for row in each.table.rows}) for each in every]
@@ -355,7 +362,7 @@ def _samples(
     for name, rows in arrivals:
         yield Sample(rows[0].get("t", 0.0) if rows else 0.0, tuple({"device": name, **row} for row in rows))
     _tell(whole, every)
-    table.failure = _failure(every)
+    table.failure = _failure(whole)
 
 
 def _columns(every: Sequence[EachDevice]) -> tuple[Column, ...]:
@@ -376,7 +383,7 @@ def _merged(whole: Several, every: Sequence[EachDevice]) -> Table:
         columns=(DEVICE, *_columns(every)),
         plain=("device", *plain) if plain else (),
         view=lambda _rows: _grids(every),
-        failure=_failure(every),
+        failure=_failure(whole),
         extra={"results": [each.result(with_rows=rows) for each in every]} if in_json else {},
     )
 
@@ -400,14 +407,16 @@ def _grids(every: Sequence[EachDevice]) -> list[Grid]:
     return list(merged.values())
 
 
-def _failure(every: Sequence[EachDevice]) -> HandctlError | None:
+def _failure(whole: Several) -> HandctlError | None:
     """What went wrong, device by device; its exit code is the highest."""
-    failed = [(each.name, error) for each in every if (error := each.run.outcome.failure) is not None]
+    failed = [(each.name, error) for each in whole.every if (error := each.run.outcome.failure) is not None]
+    failed += whole.unfit
     if not failed:
         return None
     typed.update(name for name, _ in failed)
     told = joined(*(f"{name}: {error.text}" for name, error in failed))
     worst = max((error for _, error in failed), key=lambda error: error.exit_code)
-    failure = HandctlError(f"{len(failed)} of {plural(len(every), 'device')}: {told}", hint=worst.hint, code=worst.code)
+    count = plural(len(whole.every) + len(whole.unfit), "device")
+    failure = HandctlError(f"{len(failed)} of {count}: {told}", hint=worst.hint, code=worst.code)
     failure.exit_code = worst.exit_code
     return failure

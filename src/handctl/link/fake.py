@@ -216,7 +216,7 @@ class FakeLink(_Simulated, ByteLink):
     def reconnect(self, seconds: float) -> bool:
         self._line.advance(self.now())
         if self._line.hung_up:
-            return False  # for good: the fault disconnect
+            return self.look_for(seconds)
         self._rest = b""
         self._line.reconnect()
         return True

@@ -91,6 +91,10 @@ class RawAccess:
         return RawAccess, (self.descriptor, self.encode, self.decode, self.baud)
 
 
+LOOK_SECONDS = 0.05
+"""Between two looks for a port that was lost."""
+
+
 class Link(ABC):
     """What every link has: a name, a clock, an end.
 
@@ -160,6 +164,17 @@ class Link(ABC):
         Raises LinkError while it is not there.
         """
         return False
+
+    def look_for(self, seconds: float) -> bool:
+        """`reopen` a port that may come back within `seconds`, as a stop needs it. Raises LinkError where it does not."""
+        bound = self.deadline(seconds)
+        while True:
+            try:
+                return self.reopen()
+            except LinkError:
+                if bound.expired:
+                    raise
+                self.sleep(LOOK_SECONDS)
 
     def power_cycle(self) -> bool:
         """Switch the device off and on. Only simulators can: False means the operator must."""

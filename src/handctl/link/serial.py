@@ -196,6 +196,10 @@ class SerialLink(ByteLink):
         self._open(self._path())
         return True
 
+    def reconnect(self, seconds: float) -> bool:
+        """See Link. A contact that bounces brings the adapter back under its name within a second."""
+        return self.look_for(seconds)
+
     def write(self, data: bytes, deadline: Deadline) -> None:
         if self._fd == CLOSED:
             raise self._lost(None)

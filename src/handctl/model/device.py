@@ -289,6 +289,8 @@ class Device(ABC):
         self._line = line
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
+        self._elsewhere = False
+        """The link was lost and opened again for a stop: its name may lead to another device by now."""
 
     @property
     def link(self) -> Link:
@@ -348,7 +350,7 @@ class Device(ABC):
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
         settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
-        context = context_for_link(self.link, settings)._replace(fixed=True, proven=True)
+        context = context_for_link(self.link, settings)._replace(fixed=True, proven=not self._elsewhere)
         going = tuple(one for one in self.journal.ledger.going if one is not None)
         return context if going in ((), ((self.kind, context.number),)) else context._replace(going=going)
 
@@ -409,15 +411,16 @@ class Device(ABC):
 
     def stopped_by_error(self, stop: Callable[[], Stopped], prompts: Prompts, who: str) -> AbstractContextManager[None]:
         """Around a movement: an error stops it. A lost connection is opened again for that, where that can be done."""
+        return stopped_by_error(lambda: self.reached_again(stop), prompts, self.journal.counters, who)
 
-        def again() -> Stopped:
-            stopped = stop()
-            with suppress(LinkError):
-                if stopped.error is LinkError and self.link.reconnect(RECONNECT_SECONDS):
-                    return stop()
-            return stopped
-
-        return stopped_by_error(again, prompts, self.journal.counters, who)
+    def reached_again(self, stop: Callable[[], Stopped]) -> Stopped:
+        """The result of `stop`, once more where the connection was lost and could be opened again. Never raises."""
+        stopped = stop()
+        with suppress(LinkError):
+            if stopped.error is LinkError and self.link.reconnect(RECONNECT_SECONDS):
+                self._elsewhere = True
+                return stop()
+        return stopped
 
     # -- reading -------------------------------------------------------------------------------------------------
 

@@ -82,7 +82,7 @@ def read(path: str) -> Plotted:
     """The curves of a file. Raises UsageError."""
     found = Plotted(path)
     with files.opened(path, "a recording", hint=NEXT, code="no-file") as file:
-        header = next(csv.reader([_text(file.readline(TAIL))]), [])
+        header = _fields(_text(file.readline(TAIL)))
         if not header:
             raise UsageError(f"{path} is empty", hint=NEXT, code="no-rows")
         time = next((name for name in (TIME, "time") if name in header), None)
@@ -94,6 +94,14 @@ def read(path: str) -> Plotted:
         raise UsageError(f"{path}: no row of it can be read", hint=NEXT, code="no-rows")
     _sidecar(found)
     return found
+
+
+def _fields(text: str) -> list[str]:
+    """The fields of a line; of one that is no CSV, as with a bare CR in it, the line as one field."""
+    try:
+        return next(csv.reader([text]), [])
+    except csv.Error:
+        return [text]
 
 
 def _text(line: bytes) -> str:
@@ -159,7 +167,7 @@ class _Reading:
         width = len(self._header)
         for line in iter(lambda: self._file.readline(TAIL), b""):
             text = line.decode("utf-8", "replace").rstrip("\r\n")
-            row = text.split(",") if '"' not in text else next(csv.reader([text]))
+            row = text.split(",") if '"' not in text else _fields(text)
             if len(row) == width:
                 yield row
             elif text:
@@ -177,7 +185,7 @@ class _Reading:
 
     def _times(self, lines: list[bytes], *, first: bool) -> float:
         for line in lines if first else reversed(lines):
-            row = next(csv.reader([_text(line)]), [])
+            row = _fields(_text(line))
             if len(row) == len(self._header):
                 try:
                     return _seconds(row[self._time])

@@ -8,6 +8,15 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "save-whose-result-passes-for-a-refusal",
+        "what was saved is called refused",
+        "handctl.devices.inspire.id_baud_save_reset",
+        "_save",
+        'hand.journal.ledger.confirm("result 00", hand.trigger_step("save", ""))',
+        "pass",
+        "tests/inspire/test_exo_flash.py::test_answers_to_a_save",
+    ),
+    mistake(
         "whoever-responds-to-the-new-id-already-has-it",
         "false success",
         "handctl.devices.inspire.id_baud_save_reset",

@@ -11,10 +11,83 @@ WHICH = "tests/stop/test_which_device.py::"
 OTHER = "another device is stopped, and the one that is meant moves on"
 MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 SEVERAL = "tests/stop/test_several_in_motion.py::test_"
+LOST_PORT = "tests/stop/test_lost_port.py::test_the_stop_goes_out_over_a_port_that_comes_back"
 LIBRARY = "handctl.command.library_call"
 AGAIN = "return asked_again and access is not None and "
 
 ROWS = (
+    mistake(
+        "stop-of-an-exo-takes-another-reply-for-silence",
+        "wrong exit code",
+        EXO,
+        "stop_steps",
+        'return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)',
+        "return Stopped(text, POWER, NoAnswer)",
+        "tests/stop/test_stop_sequence.py::test_what_comes_in_place_of_the_acknowledgement_of_a_hold_is_no_silence",
+    ),
+    mistake(
+        "stop-of-a-wrist-takes-another-reply-for-silence",
+        "wrong exit code",
+        WRIST,
+        "stop_steps",
+        'return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)',
+        "return Stopped(text, POWER, NoAnswer)",
+        "tests/stop/test_stop_sequence.py::test_what_comes_in_place_of_the_acknowledgement_of_a_hold_is_no_silence",
+    ),
+    mistake(
+        "stop-of-several-waits-for-a-name-that-nobody-has",
+        "none of the devices is stopped, because one of their names is mistyped",
+        "handctl.command.several_devices",
+        "run_on_each",
+        "if unfit and not (every and every[0].line.leaf.stops):",
+        "if unfit:",
+        "tests/stop/test_settings.py::test_names_that_cannot_be_found_hold_up_no_stop_of_the_others",
+    ),
+    mistake(
+        "stop-of-a-simulator-in-place-of-the-device",
+        OTHER,
+        "handctl.command.invocation",
+        "_take_environment",
+        'del found["HANDCTL_FAKE"]  # a simulator needs no stop',
+        "pass",
+        "tests/stop/test_settings.py::test_a_variable_that_names_a_device_is_no_simulator_and_tells_of_another_port",
+    ),
+    mistake(
+        "port-that-bounced-is-not-waited-for",
+        "the device moves on, although its port was back at once",
+        "handctl.link.link_interface",
+        "Link.look_for",
+        "if bound.expired:",
+        "if True:",
+        LOST_PORT,
+    ),
+    mistake(
+        "port-that-came-back-is-believed",
+        OTHER,
+        "handctl.model.device",
+        "Device.reached_again",
+        "self._elsewhere = True",
+        "pass",
+        LOST_PORT,
+    ),
+    mistake(
+        "movement-of-a-barretthand-goes-on-behind-a-lost-port",
+        "the device moves on, although its port was back at once",
+        "handctl.devices.barrett.gcl.line",
+        "GclLine.ask",
+        "self.journal.counters.writes += 1  # as below: the port may come back, and the stop reach the hand",
+        "pass",
+        LOST_PORT,
+    ),
+    mistake(
+        "velocity-is-kept-behind-a-lost-port",
+        "the device moves on, although its port was back at once",
+        "handctl.devices.barrett.realtime.loop",
+        "RealtimeLoop._run",
+        "stopped = self.hand.reached_again(self.hand.stop)",
+        "stopped = self.hand.stop()",
+        LOST_PORT,
+    ),
     mistake(
         "stop-ends-a-download-that-does-not-hear",
         "a download of firmware is killed because it was slow to hear of the stop, and the hand has half of it",

@@ -463,6 +463,8 @@ def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
     if frame.data != b"\x00":
         hand.journal.ledger.doubt(f"result {hex_bytes(frame.data)}", hand.trigger_step("save", ""))
         raise save_failed(bus, frame)
+    # Behind a lost acknowledgement a result with flag 12 looks like one that refuses.
+    hand.journal.ledger.confirm("result 00", hand.trigger_step("save", ""))
     return outcome(hand, register, "saved", frame.data)
 
 

@@ -180,9 +180,9 @@ class GclLine(Line):
             return self._answer(command, answer, echo)
         except LinkError as exc:
             if kind.moves:
-                exc.add_aftermath(
-                    Aftermath(hint=f"{command} may continue to its end. To prevent that, switch the hand's power off")
-                )
+                hint = f"{command} may continue to its end. To prevent that, switch the hand's power off"
+                exc.add_aftermath(Aftermath(hint=hint, moving=True))
+                self.journal.counters.writes += 1  # as below: the port may come back, and the stop reach the hand
             raise
         except Restarted:
             raise

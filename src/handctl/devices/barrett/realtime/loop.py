@@ -49,7 +49,7 @@ from handctl.errors import (
 )
 from handctl.model.prompts import Prompts
 from handctl.model.result import Sample
-from handctl.model.stop_on_interrupt import NOT_STOPPED
+from handctl.model.stop_on_interrupt import NOT_STOPPED, STOPPED_IT
 
 READER_SECONDS = 0.3
 """Less than the child waits: this command tells best why nothing went out."""
@@ -141,8 +141,12 @@ class RealtimeLoop:
             raise
         except LinkError as exc:
             if session.inside and self.controls is not None:
+                with self._guide.without_interrupts():
+                    stopped = self.hand.reached_again(self.hand.stop)
+                off = "switch the hand's power off now, because the motors keep their last velocity"
+                said = "" if stopped.error else f"{STOPPED_IT}: {stopped.text}"
                 exc.add_aftermath(
-                    Aftermath(hint="switch the hand's power off now, because the motors keep their last velocity")
+                    Aftermath(said, off if stopped.error else stopped.hint, moving=stopped.error is not None)
                 )
             session.give_up()
             if exc.code == "lost":  # no T can reach the hand either

@@ -58,6 +58,7 @@ def stop_steps(context: StopContext) -> StopSequence:
     force = Step("all forces to 0", eb90.command_request(number, eb90.FORCE_COMMAND, [0] * len(FINGERS)), moves=True)
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late, verdict = "", False, None
+    answers: Pieces = []
     for _ in range(attempts(context)):
         heard = yield from repeat_until_answered(context, force, lambda pieces: answer(pieces, told), ahead=wire.first)
         came += heard.came
@@ -67,7 +68,8 @@ def stop_steps(context: StopContext) -> StopSequence:
         axes = Axes(FINGERS, places, [hold_place(place) for place in places])
         step, taken, meaning = hold(wire, axes.targets)
         action = StopStep(step, 0.0, lambda pieces, taken=taken: taken(pieces) == TAKEN)  # type: ignore[misc]
-        verdict = taken((yield from behind(context, heard, action)))
+        answers = yield from behind(context, heard, action)
+        verdict = taken(answers)
         if verdict != TAKEN:
             continue
         wanted: list[int | None] = [*axes.targets, *[0] * len(FINGERS)]
@@ -87,7 +89,8 @@ def stop_steps(context: StopContext) -> StopSequence:
         return Stopped(text, POWER, DeviceRefused)
     if meaning:
         text = f"the hand acknowledged the command that sets all forces to 0, but not the next one: {meaning}"
-        return Stopped(text, POWER, NoAnswer)
+        seen = instead(answers)
+        return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)
     if answer(came, wrist):
         text = "handctl commanded all forces to 0, but a wrist replied instead of an exoskeleton hand. The wrist was not stopped"
         return Stopped(text, OF_A_WRIST, DeviceRefused, stranger=True)

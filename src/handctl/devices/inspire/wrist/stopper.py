@@ -51,6 +51,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         )
         if told.found is None:
             return _unanswered(told.came)
+    answers: Pieces = []
     meaning, taken, wire = "", None, Wire(context, CAN if context.can else EB90, wrist=True)
     asked, found = wire.asking(ANGLES, 4)
     for _ in range(attempts(context)):
@@ -67,7 +68,8 @@ def stop_steps(context: StopContext) -> StopSequence:
         first = WRIST[f"{held[-1][0]}_set"].address
         step, verdict = wire.writing(first, eb90.pack_s16([target for _, target in reversed(held)]), meaning)
         action = StopStep(step, 0.0, lambda came, verdict=verdict: verdict(came) == TAKEN)  # type: ignore[misc]
-        taken = verdict((yield from behind(context, told, action)))
+        answers = yield from behind(context, told, action)
+        taken = verdict(answers)
         if taken == TAKEN:
             done = (
                 f"the wrist was commanded to {meaning}{axes.at_end} and acknowledged it. The manual documents no stop"
@@ -84,7 +86,8 @@ def stop_steps(context: StopContext) -> StopSequence:
         yield from after_late_replies(context, told)  # they tell where it was
     if taken == REFUSED:
         return Stopped(f"the wrist rejected the command to {meaning}", POWER, DeviceRefused)
-    return Stopped(f"the wrist was commanded to {meaning} but did not acknowledge it", POWER, NoAnswer)
+    text, seen = f"the wrist was commanded to {meaning} but did not acknowledge it", instead(answers)
+    return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)
 
 
 def _targets(angles: Sequence[int]) -> list[int | None]:

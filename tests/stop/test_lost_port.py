@@ -1,0 +1,89 @@
+"""A port that was lost in a movement, and is there again within a second: the stop reaches the device.
+
+A contact that bounces, or a hub that starts anew, brings an adapter back under its name, while the device has gone on.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+
+import pytest
+
+from handctl.errors import LinkError
+from handctl.link.serial import SerialLink
+from tests.support.cli import run
+from tests.support.each_row import each_row
+
+READY = "clock=virtual&initialized=1"
+MOVES = {
+    "exo": ("exo position 0 0 0 0 0 --wait 5 -y", "fake://exo?clock=virtual", 0.3),
+    "wrist": ("wrist move --pitch 20 --time 3000", "fake://wrist?clock=virtual", 0.5),
+    "hand": ("hand angle 0 0 0 0 0 0 --wait 5 -y", "fake://hand?clock=virtual", 0.25),
+    "barrett": ("barrett close", f"fake://barrett?{READY}", 0.7),
+    "realtime": ("barrett realtime --motors 1 --velocity 20 --duration 3", f"fake://barrett?{READY}", 0.7),
+    "aidin": ("aidin currents index.m1=50 -y", "fake://aidin?clock=virtual", 1.0),
+}
+"""A command that moves, the device, and the second in which it does."""
+STOPS = {
+    "exo": "all forces to 0",
+    "wrist": "stay at",
+    "hand": "speed of every finger to 0",
+    "barrett": "^C",
+    "realtime": "T at 9600 bit/s",
+    "aidin": "stop, sent",
+}
+
+
+ASKS = {"exo": "04 30", "wrist": "04 30", "hand": "04 11"}
+"""Flags of the question that goes out before the stop: the name of a port may lead to another device by then."""
+
+
+@each_row("move", MOVES)
+def test_the_stop_goes_out_over_a_port_that_comes_back(move: str, tmp_path: Path) -> None:
+    words, link, at = MOVES[move]
+    trace = tmp_path / "trace"
+    result = run(*words.split(), "-p", f"{link}&unplug={at}:0.4", "--json", "--trace", str(trace))
+    writes = (result.stream[1] if move == "realtime" else result.json)["writes"]
+    assert result.code == 3, result
+    assert any(STOPS[move] in one["meaning"] and one["state"] == "confirmed" for one in writes), writes
+    after = trace.read_text().partition("reconnect")[2]
+    assert ASKS.get(move, "") in next(line for line in after.splitlines() if " > " in line), after
+
+
+@each_row("move", [name for name in MOVES if name != "aidin"])
+def test_of_a_port_that_stays_away_nothing_is_said_to_have_stopped(move: str) -> None:
+    words, link, at = MOVES[move]
+    result = run(*words.split(), "-p", f"{link}&unplug={at}:90", "--json")
+    assert result.code == 3 and "has stopped" not in result.err and "power off" in result.err, result
+
+
+@pytest.mark.real
+def test_a_serial_port_is_looked_for_until_it_is_back(tmp_path: Path) -> None:
+    name = tmp_path / "tty"
+
+    def plugged() -> int:
+        device, port = os.openpty()
+        name.symlink_to(os.ttyname(port))
+        held.extend((device, port))
+        return device
+
+    held: list[int] = []
+    plugged()
+    link = SerialLink(str(name), 9600)
+    for descriptor in held:
+        os.close(descriptor)
+    held.clear()
+    name.unlink()
+    with pytest.raises(LinkError):
+        link.reconnect(0.1)
+    back = threading.Timer(0.2, plugged)
+    back.start()
+    assert link.reconnect(5.0)
+    back.join()
+    link.write(b"\x03", link.deadline(1.0))
+    assert os.read(held[0], 8) == b"\x03"
+    link.close()
+    for descriptor in held:
+        os.close(descriptor)
