@@ -55,7 +55,10 @@ class Cell:
         self.facts, self.table = facts_of(family), outcomes_of(family)
         own, trace = self.table.wires[wire], folder / "trace.txt"
         kept = (self.table.state, own.options, *(f"posture={row.posture}" for _ in "1" if hasattr(row, "posture")))
-        self.link = f"fake://{family}?{'&'.join(filter(None, ['clock=virtual', *kept, *options]))}"
+        said = dict(
+            item.split("=", 1) for item in "&".join(filter(None, ("clock=virtual", *kept, *options))).split("&")
+        )
+        self.link = f"fake://{family}?{'&'.join(f'{name}={value}' for name, value in said.items())}"
         args = getattr(row, "on_can", ()) if "bus=can" in own.options else ()
         typed = [word.replace("{dir}", str(folder)) for word in (args or row.args)]
         asks = getattr(row, "asks", False) or row.kind == "write"  # some ask in some states only
