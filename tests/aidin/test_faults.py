@@ -29,6 +29,14 @@ def test_a_hand_that_only_answers_commands_is_the_users_word(name: str) -> None:
     assert result.code == 0, result
 
 
+@each_row(("after", "fault"), [(after, fault) for after in (3, 33, 45) for fault in ("silent", "deaf")])
+def test_an_initial_position_is_not_confirmed_by_what_came_before_the_hand_fell_silent(after: int, fault: str) -> None:
+    """After 33 and 45 objects the motors are near 0: a reading of then shows neither that they stand nor where."""
+    link = fake(exchange="command", fault=fault, after=after)
+    result = run("aidin", *ARGS["initial"], "--exchange", "command", "--assume-homed", "-p", link, "--json")
+    assert (result.code, [step["state"] for step in result.json["writes"]]) == (4, ["sent"]), result
+
+
 def test_the_rest_of_a_damaged_answer_is_there() -> None:
     result = run("aidin", "status", "-p", fake(fault="wrong-length"), "--json")
     wrong = {row["key"] for row in result.rows if "error" in row}

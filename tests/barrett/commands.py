@@ -198,8 +198,8 @@ QUERIES = ("FGET", "PGET", "VERS", "?", "A?", "ERR", "FLIST", "PLIST")
 
 def fake(**options: object) -> str:
     """A simulated hand in this process, after HI, on virtual time; names may use _ for -."""
-    more = {"initialized": 1, **options}
-    return "fake://barrett?" + "&".join(["clock=virtual", *(f"{k.replace('_', '-')}={v}" for k, v in more.items())])
+    said = {"clock": "virtual", "initialized": 1, **options}
+    return "fake://barrett?" + "&".join(f"{k.replace('_', '-')}={v}" for k, v in said.items())
 
 
 def factory() -> dict[str, int | float]:

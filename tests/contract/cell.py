@@ -53,6 +53,18 @@ def judge(family: str, command: str, writes: list[dict[str, Any]], transcript: l
     assert [step["step"] for step in writes] == list(range(1, len(writes) + 1))
 
 
+STOPS = ("set the speed of every finger to 0", "all forces to 0", "hold at ", "move no finger", "stay at ")
+"""How the steps of a stop begin in words."""
+POWER_OFF = ": motor power off"
+"""How T of a BarrettHand's stop ends; a T that was typed is a command like any other, and has no such words."""
+
+
+def stops(step: dict[str, Any]) -> bool:
+    """Whether a write stops what may be moving: ^C, or a step of the stop behind an error."""
+    meaning = step["meaning"]
+    return step["bytes"] == "03" or meaning.startswith(STOPS) or meaning.endswith(POWER_OFF)
+
+
 LAST = "end"
 STREAMS = "streams"
 CODES = {0, 2, 3, 4, 5, 6, 7, 8}

@@ -27,8 +27,8 @@ def state_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def unit(**options: object) -> str:
     """A simulated unit on virtual time; names may use _ for -."""
-    more = {"preset": "vectors", **options}
-    return "fake://ekso?" + "&".join(["clock=virtual", *(f"{k.replace('_', '-')}={v}" for k, v in more.items())])
+    said = {"clock": "virtual", "preset": "vectors", **options}
+    return "fake://ekso?" + "&".join(f"{k.replace('_', '-')}={v}" for k, v in said.items())
 
 
 def do(*args: str | Path, port: str | None = None, **more: Any) -> Result:
@@ -127,7 +127,7 @@ def test_status_and_check() -> None:
 def test_the_clock_is_compared_with_the_link_s() -> None:
     """So a replay tells what was so then, and two runs in virtual time tell the same."""
     here = datetime.fromisoformat("2026-11-20T14:05:37") - timedelta(seconds=90)
-    port = unit(clock=f"virtual@{here.timestamp():.0f}").replace("clock=virtual&", "", 1)
+    port = unit(clock=f"virtual@{here.timestamp():.0f}")
     assert do("status", port=port).values["clock_offset"] in (89, 90)  # what was asked before took a little time
     assert do("status", port=port).values == do("status", port=port).values
 
@@ -254,7 +254,9 @@ def test_set_under_every_fault_sends_at_most_one(fault: str, tmp_path: Path, mon
     trace = tmp_path / "t.txt"
     code, word, count = FAULTS[fault]
     wanted = "step_length=14" if "clinic" in fault else "step_length=16"
-    result = do("set", wanted, *ME, "--trace", trace, port=unit(fault=fault))
+    name, _, preset = fault.partition("&preset=")
+    port = unit(fault=name, preset=preset or "vectors")
+    result = do("set", wanted, *ME, "--trace", trace, port=port)
     assert result.code == code
     assert word in result.codes() or not word
     assert commands(trace).count(155) == count

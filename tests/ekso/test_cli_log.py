@@ -28,7 +28,8 @@ from tests.support.each_row import each_row
 
 def ekso(**options: object) -> str:
     """A simulated device on virtual time; names may use _ for -."""
-    return "fake://ekso?" + "&".join(["clock=virtual", *(f"{k.replace('_', '-')}={v}" for k, v in options.items())])
+    said = {"clock": "virtual", **options}
+    return "fake://ekso?" + "&".join(f"{k.replace('_', '-')}={v}" for k, v in said.items())
 
 
 def log(path: Path, *args: str, env: dict[str, str] | None = None, **options: object) -> Result:

@@ -123,6 +123,24 @@ def test_empty_link() -> None:
     assert opening("").exit_code == 2
 
 
+@each_row(
+    "link",
+    [
+        "fake://wrist?seed=1&seed=2",
+        "fake://wrist?seed=1&clock=virtual&seed=1",
+        "fake://wrist?bus=serial&bus=can",
+        "can:virtual:x?bitrate=500000&bitrate=1000000",
+        "socket://127.0.0.1:9?logging=debug&logging=info",
+        "spy:///dev/null?color&color",
+    ],
+)
+def test_an_option_that_is_given_twice_is_refused(link: str) -> None:
+    """In every scheme that has options, of which either might be meant; a LINK that is kept for later is refused as well."""
+    assert opening(link).exit_code == 2
+    for words in (("wrist", "status"), ("wrist", "stop"), ("doctor",), ("stop",), ("devices", "add", "left", "wrist")):
+        assert run(*words, "-p", link).code == 2, words
+
+
 def test_no_link_refuses_bytes() -> None:
     link = NoLink()
     with pytest.raises(LinkError):

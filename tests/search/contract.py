@@ -20,7 +20,7 @@ from handctl.model.param import SETTING
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.sim import model_class
 from handctl.sim.engine.line_and_faults import LINE_FAULTS
-from tests.contract.cell import CODES, go, judge, tried, wrote
+from tests.contract.cell import CODES, go, judge, stops, tried, wrote
 from tests.contract.commands import ELSEWHERE, SECONDS, commands, scratch_of, writing_commands
 from tests.contract.facts import Passed, Rule, facts_of
 from tests.search.suite import Listed, bounded, parts
@@ -262,12 +262,3 @@ class Interrupted(Product):
 
 
 SUITES = (Faults(), Values(), Unseen(), Ledger(), Interrupted())
-
-
-STOPS = ("set the speed of every finger to 0", "all forces to 0", "hold at ", "move no finger", "stay at ")
-"""How the steps of a stop begin in words."""
-
-
-def stops(step: dict[str, Any]) -> bool:
-    """Whether a write stops what may be moving: ^C, or a step of the stop behind an error."""
-    return bool(step["bytes"] == "03" or step["meaning"].startswith(STOPS))

@@ -188,7 +188,7 @@ def test_a_person_sees_what_was_typed_wrong(tmp_path: Path) -> None:
 @each_row("line, code", [("GC", 4), ("FGET P", 0)])
 def test_ctrl_d_before_the_reply_leaves_nothing_moving(line: str, code: int, tmp_path: Path) -> None:
     """The end of a terminal is the end of a movement that it has started, where its reply has not come."""
-    ready = f"{link('barrett')}&initialized=1&wire=auto"
+    ready = link("barrett", "wire=auto")
     shown = person("barrett", "terminal", "-p", ready, "--trace", tmp_path / "trace", answers=[line])
     assert shown.code == code, shown
     assert (b"T\r" in sent(tmp_path / "trace")) == bool(code)

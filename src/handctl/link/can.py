@@ -16,7 +16,7 @@ from typing import Any
 import can
 
 from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, UsageError
-from handctl.link.link_interface import CanFrame, Deadline, FrameLink, RawAccess, Trouble
+from handctl.link.link_interface import CanFrame, Deadline, FrameLink, RawAccess, Trouble, options_in
 from handctl.link.port_users import busy, refuse_held
 from handctl.link.slcan import (
     AGAIN_SECONDS,
@@ -42,7 +42,7 @@ BUS_OFF, RESTARTED = 0x40, 0x100
 
 def split_link(link: str) -> tuple[str, str, dict[str, Any]]:
     """``can:slcan:/dev/ttyACM0?bitrate=500000`` -> ("slcan", "/dev/ttyACM0", {"bitrate": 500000}). Raises UsageError."""
-    body, _, query = link.removeprefix("can:").partition("?")
+    body = link.removeprefix("can:").partition("?")[0]
     interface, colon, channel = body.partition(":")
     if not interface or not colon or not channel:
         raise UsageError(
@@ -50,10 +50,7 @@ def split_link(link: str) -> tuple[str, str, dict[str, Any]]:
             hint="write for example can:socketcan:can0, can:slcan:/dev/ttyACM0 or can:pcan:PCAN_USBBUS1",
         )
     options: dict[str, Any] = {"bitrate": BITRATE}
-    for item in filter(None, query.split("&")):
-        key, equals, value = item.partition("=")
-        if not equals:
-            raise UsageError(f"{link}: {item!r} is not KEY=VALUE", hint="write for example `?bitrate=1000000`")
+    for key, value in options_in(link, "write for example `?bitrate=1000000`").items():
         try:
             options[key] = float(value) if "." in value else int(value)
         except ValueError:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble
+from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble, options_in
 from handctl.number_parsing import number_in
 from handctl.system import clock
 from handctl.system.user_folders import own_folder, private_folders
@@ -28,18 +28,14 @@ _OPTIONS = "`handctl sim {kind} -h` lists the options"
 
 def split_url(link: str) -> tuple[str, dict[str, str]]:
     """``fake://exo?seed=1&fault=noise`` -> ("exo", {"seed": "1", "fault": "noise"}). Raises UsageError."""
-    kind, _, query = link.removeprefix("fake://").partition("?")
-    options: dict[str, str] = {}
-    for item in filter(None, query.split("&")):
-        key, equals, value = item.partition("=")
-        if not equals:
-            raise UsageError(f"{link}: {item!r} is not KEY=VALUE", hint=_OPTIONS.format(kind=kind.rstrip("/")))
+    kind = link.removeprefix("fake://").partition("?")[0].rstrip("/")
+    options = options_in(link, _OPTIONS.format(kind=kind))
+    for key, value in options.items():
         if "%" in value:
             from urllib.parse import unquote
 
-            value = unquote(value)
-        options[key] = value
-    return kind.rstrip("/"), options
+            options[key] = unquote(value)
+    return kind, options
 
 
 def carries_frames(link: str) -> bool:

@@ -7,7 +7,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any
 
-from handctl.errors import LinkError
+from handctl.errors import LinkError, UsageError
 from handctl.fast_classes import NamedTuple
 from handctl.system import clock
 from handctl.wording import frame_text, plural
@@ -394,6 +394,22 @@ def path_in(link: str) -> str:
     if scheme == "cp2110":
         return "" if parts.netloc else parts.path
     return f"{parts.netloc}{parts.path}"
+
+
+def options_in(link: str, hint: str = "", *, flags: bool = False) -> dict[str, str]:
+    """The options behind the ``?`` of a LINK; with `flags` a key without a value is one, too.
+
+    Raises UsageError, with `hint`, for what is not KEY=VALUE, and for a key that is given twice: nobody knows which is meant.
+    """
+    options: dict[str, str] = {}
+    for item in filter(None, link.partition("?")[2].split("&")):
+        key, equals, value = item.partition("=")
+        if not (equals or flags):
+            raise UsageError(f"{link}: {item!r} is not KEY=VALUE", hint=hint)
+        if key in options:
+            raise UsageError(f"{link}: {key} is given twice", hint=f"give {key} once. Nothing was sent.")
+        options[key] = value
+    return options
 
 
 def host_in(link: str) -> tuple[str, str] | None:

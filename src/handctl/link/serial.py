@@ -15,7 +15,7 @@ from typing import Any
 import serial
 
 from handctl.errors import Hint, LinkError, UsageError
-from handctl.link.link_interface import SCHEMES, ByteLink, Deadline, RawAccess, path_in, scheme_of
+from handctl.link.link_interface import SCHEMES, ByteLink, Deadline, RawAccess, options_in, path_in, scheme_of
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, serial_ports
 from handctl.system.waits import ended, readable, writable
@@ -157,6 +157,8 @@ class SerialLink(ByteLink):
         link, baud, exclusive = self.name, self.baud, self._exclusive
         self._device = device
         is_url = "://" in device
+        if is_url:
+            options_in(link, flags=True)  # pyserial takes the first of two
         path = "" if device.startswith("cp2110:") else path_in(device)
         if path and exclusive:
             refuse_held(link, path)

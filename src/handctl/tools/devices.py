@@ -26,7 +26,7 @@ from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import BYTE_ORDER_MARK, read_text, text_lines
 from handctl.link import NoFrames, NoLink, is_can
-from handctl.link.link_interface import SCHEMES
+from handctl.link.link_interface import SCHEMES, options_in
 from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Row, Table
 from handctl.tools.family_probe import family_of
@@ -257,6 +257,8 @@ def check_link(link: str, family: Family) -> None:
         )
     elif separator and not rest and scheme != "loop":
         raise UsageError(f"{link}: the address is missing", hint="write for example socket://192.168.1.20:4001")
+    elif separator and scheme != "hwgrep":  # a regular expression may have a question mark
+        options_in(link, flags=True)
     elif not separator and not link.startswith("replay:"):
         _check_path(link)
 

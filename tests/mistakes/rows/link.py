@@ -15,6 +15,15 @@ ROWS = (
         "tests/link/test_rivals.py::test_a_second_connection_to_one_server_is_found_by_its_socket",
     ),
     mistake(
+        "link-option-twice-the-last-wins",
+        "swallowed error",
+        "handctl.link.link_interface",
+        "options_in",
+        "if key in options:",
+        "if key in options and flags:",
+        "tests/link/test_links.py::test_an_option_that_is_given_twice_is_refused",
+    ),
+    mistake(
         "link-simulator-is-a-rival",
         "device taken for another",
         "handctl.link.port_users",

@@ -125,14 +125,16 @@ class Travel:
         """Encoders as they are at a time."""
         self._looks.append((at, encoders))
 
-    def look(self, at: float, feedback: Feedback) -> None:
-        """The encoders of feedback, unless they are those of the last look or were refused."""
+    def look(self, at: float, feedback: Feedback) -> bool:
+        """The encoders of feedback, unless they are those of the last look or were refused; whether they are new."""
         key = MOTOR_POS.key
         count = feedback.good[key]
         new = self._taken is None or self._taken[0] is not feedback or self._taken[1] != count
         if key in feedback.values and key not in feedback.errors and new:
             self._taken = feedback, count
             self.note(at, tuple(int(number) for number in feedback.values[key]))
+            return True
+        return False
 
     @property
     def last(self) -> Counts | None:
@@ -243,7 +245,7 @@ def home(hand: AidinHand, prompts: Prompts) -> Table:
         with stopped_on_error(hand, prompts):
             begin = _hold(hand, data, prompts, seen, blind=blind)
         with in_force(LEFT):
-            seen.note(hand.link.now(), _origin(hand, data, blind=blind))
+            seen.note(hand.link.now(), _encoders(hand, data, f"homing was sent for {HOLD:g} s", blind=blind))
     return _judged(hand, seen.ways(begin + ZEROED), mark)
 
 
@@ -343,8 +345,11 @@ def _hold(hand: AidinHand, data: bytes, prompts: Prompts, seen: Travel, *, blind
     return begin
 
 
-def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
-    """The encoders after the hold; a hand that only answers commands has sent them with its replies."""
+def _encoders(hand: AidinHand, data: bytes, what: str, *, blind: bool) -> tuple[int, ...]:
+    """The encoders from now on, `what` having been sent; a hand that only answers commands sends them with its reply to `data`.
+
+    Raises NoAnswer, ProtocolError.
+    """
     conversation = hand.conversation
     if not blind:
         found = conversation.refresh((MOTOR_POS,))[MOTOR_POS.key]
@@ -353,7 +358,7 @@ def _origin(hand: AidinHand, data: bytes, *, blind: bool) -> tuple[int, ...]:
         conversation.tick(data, blind=True)
         if MOTOR_POS.key not in conversation.feedback.seen:
             raise NoAnswer(
-                f"{hand.link.name}: homing was sent for {HOLD:g} s, but the hand does not reply, so homing is not confirmed",
+                f"{hand.link.name}: {what}, but the hand does not reply, so it is not confirmed",
                 hint=f"check the address and the port ({FAMILIES['aidin'].tcp_port}), and that no other client is connected to the hand",
             )
         found = conversation.feedback.result(MOTOR_POS.key)
@@ -410,22 +415,19 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
     data, end = object_of(Mode.INITIAL), conversation.deadline(INITIAL)
     seen, ledger = Travel(), hand.journal.ledger
     mark = ledger.mark
-    now: tuple[int, ...] | None = None
-    before: tuple[int, ...] | None = None
     with stopped_if_cut_short(hand, prompts), stopped_on_error(hand, prompts, ImplausibleFeedback, otherwise=GOES_ON):
-        while not end.expired and (now is None or _away(now) or moving(before, now)):
-            before = now
+        arrived = False
+        while not arrived and not end.expired:
+            before = seen.last
             for _ in range(TICKS):
                 conversation.tick(data, blind=blind, by=MOTOR_POS)
-            seen.look(conversation.link.now(), conversation.feedback)
-            now = seen.last
+            new = seen.look(conversation.link.now(), conversation.feedback)
+            # two readings show that it stands still, not one reading twice
+            arrived = new and seen.last is not None and not (_away(seen.last) or moving(before, seen.last))
             prompts.progress("Moving to the initial position.", CTRL_C)
         conversation.check_bound()
-        if now is None:
-            raise NoAnswer(
-                f"{hand.link.name}: the initial position was commanded, but the hand sends nothing",
-                hint=Hint("check the link with {}", "aidin status"),
-            )
+        now = _encoders(hand, data, "the initial position was commanded", blind=blind)
+        seen.note(conversation.link.now(), now)
     if _away(now):
         raise CheckFailed(
             f"{hand.link.name}: the initial position was not reached: {named(MOTOR_POS, _away(now), now)}",
@@ -440,9 +442,7 @@ def initial(hand: AidinHand, prompts: Prompts, *, assume_homed: bool) -> Table:
             "the encoders are at 0, but no motor moved. Either the fingers were already there, or the hand has not been homed since power-on and ignored the command",
             hint=Hint("check the fingers, and run {} if they are not open", "aidin home"),
         )
-    return (
-        _motors(hand, conversation.feedback.values[MOTOR_POS.key]) if blind else hand.table(hand.read(MOTOR_POS.each))
-    )
+    return _motors(hand, now)
 
 
 # -- sensor bias, maximum torque ------------------------------------------------------------------------------------

@@ -52,11 +52,13 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "extra-key": {}, "no-homing": {}, "unclosed": {}, "touched": {}, "stiff": {}, "shaky-sensor": {},
     "not-json": every(5), "braces": every(5),
     "missing-key": every(0, stop=5, currents=5),
-    "wrong-length": every(5, get=0, stop=0, max_torque=0, currents=0),
+    # the motor positions are refused: nothing shows that the hand stands behind its stop
+    "wrong-length": every(5, get=0, max_torque=0, currents=0),
     "nan": every(0, status=5, get=5, bias=5, joints=5),
     "wrong-type": every(5, get=0, max_torque=0, joints=5),
     "degrees": every(0, joints=7),
-    "swapped": every(0, encoders=7, joints=7, currents=7),
+    # fingers that were not named went away from where they were: somebody else may be commanding it
+    "swapped": every(0, encoders=6, joints=6, currents=7),
     "stuck": every(0, home=7, initial=7),
     "frozen": NOT_DONE,
     "blocked": every(0, home=7, initial=7, encoders=7, joints=7),

@@ -26,13 +26,13 @@ NO_MOTOR_COMMAND = ("get-hand", "version", "help", "baud-show", "set-hand", "bau
 """All others begin with a motor command; FGET and FSET are motor commands too (§5.4.1, sim notes)."""
 CHECK: dict[str, Codes] = {"status-check": {7}}
 DEVICE: dict[str, dict[str, Codes]] = {
-    "no-echo": {key: {5} for key in [name for name in NAMES if name != "reset"]},  # its banner is proof enough
+    "no-echo": {key: {5} for key in NAMES},  # who does not echo has not shown that it is a BarrettHand: nothing is written
     **{name: {} for name in ("no-abort", "strain", "strain-offset", "no-gauges", "breakaway", "eeprom-worn")},
     "obstacle": {"close": {7}},
     "blocked": STALLS, "reversed": STALLS,
     "hot": CHECK, "unknown-codes": CHECK,
     "over-temperature": {key: {6} for key in [name for name in NAMES if name not in NO_MOTOR_COMMAND]},
-    "not-homed": {key: {6} for key in [name for name in MOVES if name != "init"]},
+    "not-homed": {**CHECK, **{key: {6} for key in [name for name in MOVES if name != "init"]}},
     "no-board": {**CHECK, **{key: {6} for key in [n for n in MOVES if n not in ("home", "torque-open", "gcl-move")]}},
     "no-motor": {**CHECK, **{key: {6} for key in [n for n in MOVES if n not in ("home", "torque-open", "gcl-move", "move")]}},
     "hang": {key: {4, 5} for key in NAMES},  # the echo came and then nothing ever again

@@ -48,6 +48,7 @@ SPEEDS = {
     for name in ("default_speed", "default_force", "force_limit", "speed_set")
     for finger in FINGERS
 }
+FORCE_REACHED = 3
 CHANGED: dict[str, dict[str, float]] = {
     "fresh": {
         **SPEEDS, "default_force.thumb_rotation": 259, "force_limit.thumb_rotation": 259,
@@ -109,7 +110,8 @@ OUTCOMES = Outcomes(
         **{("rtu", "stale", name): {0, 6} for name in WRITES},
     },
     rarer=rarer,
-    settles=CLEARED,
+    # a finger that had met its force limit reports that it closes on its last counts, and then that it has arrived
+    settles={**CLEARED, "angle-wait": lambda status: 1 if status == FORCE_REACHED else status},
     changed=CHANGED,
     # An RTU answer names no address, and answers that overlap may form a whole one: no frame shows that. Nor does a
     # connection show which of two hands with one IP address has taken it: `doctor` asks on two.

@@ -35,7 +35,8 @@ DEVICE: dict[str, dict[str, Codes]] = {
     "foreign": {**UNHEALTHY, **MOVES},
     # a hand without a wrist is read in its own space only, and is named by all that asks for its wrist
     "no-wrist": {
-        **{command.name: {0} if command.kind == "hand" else {4} if command.kind == "scan" else {6} for command in READING},
+        # ... but by raw: that sends what was typed and nothing else, and here nobody replies to it
+        **{command.name: {0} if command.kind == "hand" else {4} if command.kind in ("scan", "raw") else {6} for command in READING},
         **{command.name: {6} for command in WRITING},
     },
     **{key: dict(UNHEALTHY) for key in ("unknown-bits", *MOTOR_FAULTS)},
@@ -46,6 +47,8 @@ def rarer(wire: str, fault: str, row: Any) -> Codes:
     """A write may be hit whose fate the read-back then tells; an id that answered once and then not again is not counted."""
     if row.kind == "scan":
         return {4, 5}
+    if (wire, fault, row.kind) == ("can", "refuse", "move"):
+        return {7}  # the stop is obeyed where only the write was not
     return {7} if row in WRITING and row.kind != "raw" and fault not in ("refuse", "disconnect") else ()
 
 
@@ -76,7 +79,9 @@ OUTCOMES = Outcomes(
         **{("", "twin-id", command.name): RIGHT for command in READING if command.steady},
         # on CAN the collision destroys the wrist's frames, while its hand's, which do not jitter, come whole: a hand alone
         **{("can", "twin-id", command.name): {6} for command in WRITING},
-        **{("can", "twin-id", name): {6} for name in ("status", "status-check", "dump", "get", "watch")},
+        **{("can", "twin-id", name): {6} for name in ("status", "status-check", "dump", "get", "read", "watch")},
+        # ... and on serial the readings of its hand tell two, before what both would obey
+        ("serial", "twin-id", "hand-write"): {6},
         # a scan may name the suspicion beside the wrist, or find no valid answer
         ("serial", "twin-id", "scan"): {0, 5},
         # undocumented bytes are asked for by number, or with an error byte: on CAN a read has two bytes (dossier 4.12)
