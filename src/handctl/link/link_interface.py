@@ -378,6 +378,12 @@ def scheme_of(link: str) -> str:
     return scheme.lower() if separator else ""
 
 
+def unknown_scheme(link: str, scheme: str) -> UsageError:
+    """The error of a LINK whose scheme is none of SCHEMES."""
+    hint = f"use tcp://, fake:// or a URL of pyserial: {', '.join(SCHEMES)}"
+    return UsageError(f"{link}: {scheme}:// is not a known kind of link", hint=hint)
+
+
 def path_in(link: str) -> str:
     """The path, or COM name, of the port that a LINK names; "" where it names none, or finds one by other marks."""
     scheme = scheme_of(link)

@@ -15,7 +15,16 @@ from typing import Any
 import serial
 
 from handctl.errors import Hint, LinkError, UsageError
-from handctl.link.link_interface import SCHEMES, ByteLink, Deadline, RawAccess, options_in, path_in, scheme_of
+from handctl.link.link_interface import (
+    SCHEMES,
+    ByteLink,
+    Deadline,
+    RawAccess,
+    options_in,
+    path_in,
+    scheme_of,
+    unknown_scheme,
+)
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, serial_ports
 from handctl.system.waits import ended, readable, writable
@@ -38,10 +47,7 @@ def open_serial(link: str, baud: int | None, *, exclusive: bool = True) -> ByteL
     """Open a port by name, `usb:VID:PID[:SERIAL]`, or pyserial URL. Raises UsageError, LinkError."""
     scheme = scheme_of(link)
     if scheme and scheme not in SCHEMES:
-        raise UsageError(
-            f"{link}: {scheme}:// is not a known kind of link",
-            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(SCHEMES)}",
-        )
+        raise unknown_scheme(link, scheme)
     if scheme == "cp2110" and not path_in(link):
         raise UsageError(f"{link}: this does not identify a port of this computer", hint="give cp2110:///dev/hidraw9")
     return SerialLink(link, baud or 115200, exclusive=exclusive)

@@ -233,18 +233,9 @@ def writes_without_replies(sequence: StopSequence, *, reads: bool = False) -> li
         return steps
 
 
-def run_stop(
-    link: Link,
-    sequence: StopSequence,
-    sent: list[Sent] | None = None,
-    ledger: Ledger | None = None,
-    until: Deadline | None = None,
-) -> Stopped:
-    """Run a stop over an open link. Never raises: a lost link is one of its results.
-
-    `until` bounds it; the first step that changes something is sent anyway.
-    """
-    return RunningStop(link, sequence, sent, ledger, until).finish()
+def run_stop(link: Link, sequence: StopSequence, ledger: Ledger | None = None) -> Stopped:
+    """Run a stop over an open link. Never raises: a lost link is one of its results."""
+    return RunningStop(link, sequence, None, ledger).finish()
 
 
 class RunningStop:
@@ -297,18 +288,9 @@ class RunningStop:
             return None
 
 
-def exchange_steps(
-    link: Link,
-    sequence: StopSequence,
-    sent: list[Sent],
-    before: Callable[[Step], object] = lambda _step: None,
-    until: Deadline | None = None,
-) -> Stopped:
-    """Exchange the steps over an open link. Sent steps are appended to `sent`, also when LinkError ends it.
-
-    `before` is called with each step that is not a read.
-    """
-    return StopExchange(link, sequence, sent, before, until).finish()
+def exchange_steps(link: Link, sequence: StopSequence, sent: list[Sent]) -> Stopped:
+    """Exchange the steps over an open link. Sent steps are appended to `sent`, also when LinkError ends it."""
+    return StopExchange(link, sequence, sent).finish()
 
 
 class StopExchange:

@@ -26,7 +26,7 @@ from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import BYTE_ORDER_MARK, read_text, text_lines
 from handctl.link import NoFrames, NoLink, is_can
-from handctl.link.link_interface import SCHEMES, options_in
+from handctl.link.link_interface import SCHEMES, options_in, unknown_scheme
 from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Row, Table
 from handctl.tools.family_probe import family_of
@@ -251,10 +251,7 @@ def check_link(link: str, family: Family) -> None:
                 hint=f"give fake://{family.kind}",
             )
     elif separator and scheme not in SCHEMES:
-        raise UsageError(
-            f"{link}: {scheme}:// is not a known kind of link",
-            hint=f"use tcp://, fake:// or a URL of pyserial: {', '.join(SCHEMES)}",
-        )
+        raise unknown_scheme(link, scheme)
     elif separator and not rest and scheme != "loop":
         raise UsageError(f"{link}: the address is missing", hint="write for example socket://192.168.1.20:4001")
     elif separator and scheme != "hwgrep":  # a regular expression may have a question mark

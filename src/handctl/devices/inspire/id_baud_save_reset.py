@@ -435,14 +435,12 @@ def save_failed(bus: RegisterBus, frame: eb90.Frame) -> HandctlError:
 def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
     bus, register = hand.bus, hand.map["save"]
     lost, frame = save_frames(hand, prompts)
+    to_be_sure = "power-cycle the hand, then read the values to be sure"
     if not bus.reports:
         if lost is not None:
             raise lost
-        hand.journal.warn(
-            "no-result",
-            "the save was sent. This connection has no frame that reports the result",
-            hint="power-cycle the hand, then read the values to be sure",
-        )
+        said = "the save was sent. This connection has no frame that reports the result"
+        hand.journal.warn("no-result", said, to_be_sure)
         bus.pause(SAVE_RESULT_SECONDS)  # nothing is written meanwhile (rh56 §9)
         return outcome(hand, register, "sent", None)
     if frame is None:
@@ -454,11 +452,8 @@ def _save(hand: RegisterDevice, prompts: Prompts) -> Table:
                     "power-cycle the hand and check with {}: the result is not known", f"{hand.kind} get id baud_code"
                 ),
             )
-        hand.journal.warn(
-            "no-result",
-            f"the hand accepted the save but did not report its result ({hand.save_result})",
-            hint="power-cycle the hand, then read the values to be sure",
-        )
+        said = f"the hand accepted the save but did not report its result ({hand.save_result})"
+        hand.journal.warn("no-result", said, to_be_sure)
         return outcome(hand, register, "accepted", None)
     if frame.data != b"\x00":
         hand.journal.ledger.doubt(f"result {hex_bytes(frame.data)}", hand.trigger_step("save", ""))
