@@ -10,7 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from operator import getitem
-from typing import Any, ClassVar, Generic, Protocol, TypeVar, overload
+from typing import Any, ClassVar, Generic, TypeVar, overload
 from weakref import WeakValueDictionary
 
 from handctl.fast_classes import NamedTuple, fast_dataclass, field
@@ -189,35 +189,34 @@ class ExplainedBytes:
         return same
 
 
-class Explainer(Protocol):
+class Explainer(ABC):
     """What a family's `explain` module makes: stateful for one transcript."""
 
+    @abstractmethod
     def feed(self, direction: str, data: bytes, can_id: int | None = None) -> list[ExplainedBytes]:
         """Bytes as they were recorded -> the pieces that are complete now, of either direction."""
-        ...
 
+    @abstractmethod
     def flush(self) -> list[ExplainedBytes]:
         """The line was interrupted (end, power cycle, another speed): what is held back, as the pieces it is."""
-        ...
 
-    def event(self, text: str) -> None:
+    def event(self, text: str) -> None:  # noqa: B027 - nothing in it is for most families
         """Handle an event of the transcript, after a `flush`: it may say what the bytes after it are."""
-        ...
 
+    @abstractmethod
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """Explain single frames from a manual or a scope; `side` "" = decide from the bytes."""
-        ...
 
+    @abstractmethod
     def simulated(self, values: Mapping[str, float | str], moments: Mapping[str, float]) -> Iterable[str]:
         """What the simulator is told to show these values: options as NAME=VALUE, and control commands.
 
         `moments` are the seconds from its start to each value. What has no place in the simulator is told as well: it counts.
         """
-        ...
 
+    @abstractmethod
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
         """Whether a transcript that begins with these bytes looks like this family's."""
-        ...
 
 
 def stray(direction: str, data: bytes, why: str = "", problem: str = "stray") -> ExplainedBytes:
@@ -245,7 +244,7 @@ class Cut(NamedTuple):
     mode: str = ""
 
 
-class Cutter(ABC):
+class Cutter(Explainer):
     """One conversation. A family says where a frame ends, who sends such a one, and what it means."""
 
     def __init__(self) -> None:
@@ -271,9 +270,6 @@ class Cutter(ABC):
     def flush(self) -> list[ExplainedBytes]:
         """See Explainer."""
         return [piece for side in self._buffers for piece in self._pieces(self._buffers[side], side, final=True)]
-
-    def event(self, text: str) -> None:  # noqa: B027 - most families need none
-        """See Explainer. Nothing in it is for most families."""
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer."""

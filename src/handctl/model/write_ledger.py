@@ -10,7 +10,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from handctl.fast_classes import NamedTuple
 from handctl.model.frame_decoder import Decoder, frames_in
@@ -58,32 +58,32 @@ class Frame(NamedTuple):
     new_id: int = 0
 
 
-class WriteRules(Protocol):
-    """What a family knows of writing: stateful for one connection. Its `next` is pure."""
+class WriteRules:
+    """What a family knows of writing: stateful for one connection. Its `next` is pure. By itself it is a family that writes nothing."""
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
         """The writing frames in bytes that have just gone out."""
-        ...
+        return ()
 
     def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
         """Keys of the frames that bytes of the device acknowledge (True) or refuse (False)."""
-        ...
+        return ()
 
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """The `same` of a planned step; None when it does not write."""
-        ...
+        return None
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """What to read when nothing has confirmed this frame."""
-        ...
+        return ""
 
     def addressed(self, data: bytes, can_id: int | None) -> Collection[Addressee]:
         """The devices that a planned step is addressed to, as far as its bytes say that."""
-        ...
+        return ()
 
 
-class RequestReplyRules(ABC, Generic[F]):
-    """The WriteRules of a protocol without CAN, in which one request is out at a time and its answer names it.
+class RequestReplyRules(WriteRules, ABC, Generic[F]):
+    """Those of a protocol without CAN, in which one request is out at a time and its answer names it.
 
     look   what to read when nothing has confirmed a write
     """
@@ -132,10 +132,6 @@ class RequestReplyRules(ABC, Generic[F]):
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""
         return self.look
-
-    def addressed(self, data: bytes, can_id: int | None) -> Collection[Addressee]:
-        """See WriteRules."""
-        return ()
 
 
 class Write:

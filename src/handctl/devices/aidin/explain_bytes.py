@@ -11,22 +11,22 @@ sent every 20 ms for as long as it is to hold.
 from __future__ import annotations
 
 import re
-from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from math import isfinite
 
 from handctl.devices.aidin.json_codec import BETWEEN, Decoder, MalformedObject, numbers
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, MODES, AidinParam, Mode
 from handctl.errors import ProtocolError
 from handctl.fast_classes import replace
-from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Part, Value, stray
-from handctl.model.write_ledger import Addressee, Frame
+from handctl.model.explainer import DEVICE, HOST, ExplainedBytes, Explainer, Part, Value, stray
+from handctl.model.write_ledger import Frame, WriteRules
 from handctl.wording import plural
 
 KEYS = {param.key: param for param in AIDIN}
 FEEDBACK_KEYS = {param.key for param in FEEDBACK}
 
 
-class AidinExplainer:
+class AidinExplainer(Explainer):
     """One connection."""
 
     def __init__(self) -> None:
@@ -65,9 +65,6 @@ class AidinExplainer:
                 pieces.append(stray(direction, raw, f"an object cut off after {plural(len(raw), 'byte')}", "cut-short"))
         self._decoders = {HOST: Decoder(), DEVICE: Decoder()}
         return pieces
-
-    def event(self, text: str) -> None:
-        """See Explainer. Nothing in it concerns this family."""
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. Feedback keys come from the hand, everything else from the host."""
@@ -184,7 +181,7 @@ NEXT: dict[int, str] = {
 }
 
 
-class AidinWriteRules:
+class AidinWriteRules(WriteRules):
     """One connection."""
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:
@@ -192,17 +189,9 @@ class AidinWriteRules:
         found = MODE.search(data)
         return (Frame(data, None, data.rstrip(BLANKS), group=f"mode {found[1].decode()}"),) if found else ()
 
-    def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
-        """See WriteRules."""
-        return ()
-
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteRules: the terminator is no part of the command."""
         return data.rstrip(BLANKS) if MODE.search(data) else None
-
-    def addressed(self, data: bytes, can_id: int | None) -> Sequence[Addressee]:
-        """See WriteRules."""
-        return ()
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""

@@ -63,6 +63,7 @@ from handctl.model.explainer import (
     HOST,
     CodedValues,
     ExplainedBytes,
+    Explainer,
     Known,
     LazySequence,
     Maker,
@@ -73,7 +74,7 @@ from handctl.model.explainer import (
     stray,
 )
 from handctl.model.param import Number
-from handctl.model.write_ledger import Addressee, Frame
+from handctl.model.write_ledger import Frame, WriteRules
 from handctl.wording import plural
 
 MOST_KNOWN = 1024
@@ -652,7 +653,7 @@ class Asked:
         self.decoder = Decoder(command)
 
 
-class BarrettExplainer:
+class BarrettExplainer(Explainer):
     """One conversation."""
 
     def __init__(self) -> None:
@@ -697,9 +698,6 @@ class BarrettExplainer:
                 pieces.append(stray(direction, raw, f"{what}: {shown(raw)}", "cut-short"))
         self._asked.clear()
         return pieces
-
-    def event(self, text: str) -> None:
-        """See Explainer. Nothing in it concerns this family."""
 
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """See Explainer. Blocks are read with factory flags, all four motors."""
@@ -990,7 +988,7 @@ LONGEST = 4096
 BLOCK, BLOCK_NEXT = "a control block of the RealTime loop", "`handctl barrett status`"
 
 
-class BarrettWriteRules:
+class BarrettWriteRules(WriteRules):
     """One connection."""
 
     def __init__(self) -> None:
@@ -1055,10 +1053,6 @@ class BarrettWriteRules:
     def planned(self, data: bytes, can_id: int | None) -> Hashable:
         """See WriteRules."""
         return None if _asks(data) else data
-
-    def addressed(self, data: bytes, can_id: int | None) -> Sequence[Addressee]:
-        """See WriteRules."""
-        return ()
 
     def next(self, data: bytes, can_id: int | None) -> str:
         """See WriteRules."""

@@ -42,7 +42,7 @@ from handctl.model.explainer import (
     stray,
 )
 from handctl.model.param import Element, Number, ParamMap
-from handctl.model.write_ledger import Addressee
+from handctl.model.write_ledger import Addressee, WriteRules
 from handctl.model.write_ledger import Frame as Written
 from handctl.wording import plural
 
@@ -955,7 +955,7 @@ SHORTEST = 7
 """Bytes of a request up to its address."""
 
 
-class InspireWriteRules:
+class InspireWriteRules(WriteRules):
     """One connection to an exo, a wrist or a hand, on whichever wire."""
 
     def __init__(self, shown: InspireExplainer) -> None:
