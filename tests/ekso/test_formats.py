@@ -396,7 +396,8 @@ def test_parquet_of_several_row_groups_is_the_same(log: Path, monkeypatch: pytes
     assert file.num_row_groups > 5 and file.read().equals(whole)
 
 
-def test_a_module_is_absent_only_meanwhile() -> None:
+def test_a_module_is_absent_only_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "colorsys", raising=False)
     with absent(["colorsys", "json"]):
         with pytest.raises(ImportError):
             import_module("colorsys")

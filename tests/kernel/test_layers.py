@@ -85,6 +85,7 @@ RULES: list[tuple[str, tuple[str, ...]]] = [
         ),
     ),
     ("command.terminal_prompts", (*GROUND, "model.prompts", "screen.sanitize")),
+    ("record.exports", (*GROUND, "lazy_stdlib", "model.*", "record.*")),
     ("record*", (*GROUND, "model.*", "record.*")),
     (
         "command*",
