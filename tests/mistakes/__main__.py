@@ -20,6 +20,7 @@ from tests.mistakes.in_place import Functions, functions, imported, replaceable,
 from tests.mistakes.seeded import foreign, prepare, run, seed
 from tests.mistakes.table import TOP, Mistake, Stale, mistakes
 from tests.mistakes.together import Outcomes, together
+from tests.support.each_row import FIRST
 from tests.support.own_state import scratch
 
 
@@ -159,6 +160,7 @@ def main() -> int:
             print("".join(f"{'':<11}{test}\n" for test in one.tests), end="")
         return 0
     gc.disable()  # syntax trees and modules: all of it stays. Each child has its own again, once its tests are collected
+    os.environ[FIRST] = "1"
     os.environ["PYTEST_DISABLE_PLUGIN_AUTOLOAD"] = "1"  # looking for plugins takes each child as long as a test
     with scratch() as folder:
         if args.find:

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import pytest
 
 from tests.support import own_state
+
+FIRST = "HANDCTL_TESTS_FIRST"
+"""A variable of the environment: one row that fails is enough."""
 
 
 def each_row(
@@ -39,6 +43,8 @@ def each_row(
                     _one(test, number, {**fixtures, **values})
                 except (Exception, pytest.fail.Exception) as exc:  # noqa: BLE001 - each row is tried, whatever the others did
                     failed.append((label, exc))
+                    if FIRST in os.environ:
+                        break
             if failed:
                 told = "\n".join(f"[{label}] {type(exc).__name__}: {_first(exc)}" for label, exc in failed)
                 raise AssertionError(f"{len(failed)} of {len(cases)} rows failed\n{told}") from failed[0][1]
