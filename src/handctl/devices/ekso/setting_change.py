@@ -108,15 +108,19 @@ def judge(
     wanted = (*before[:word], change.new, *before[word + 1 :])
     status = answer.status if answer is not None else None
     accepted = status is not None and status & 0xFF == 0
-    odd = ""
     if contradicted and after in (wanted, before):
         reads = "the old" if after == before else "the new"
-        odd = f"the device answered twice: {contradicted}. It reads back {reads} value"
-    elif status is not None and not accepted and after == wanted != before:
-        odd = f"{status_text(status)}, but the new value reads back"
-    if odd:
-        hint = "check with `handctl ekso settings` before anything else. Report it"
-        return write_checks.refusal(write_checks.READ_BACK, f"{where}: {change.text}: {odd}", hint)
+        return write_checks.refusal(
+            write_checks.READ_BACK,
+            f"{where}: {change.text}: the device answered twice: {contradicted}. It reads back {reads} value",
+            "check with `handctl ekso settings` before anything else. Report it",
+        )
+    if status is not None and not accepted and after == wanted != before:
+        return write_checks.refusal(
+            write_checks.READ_BACK,
+            f"{where}: {change.text}: {status_text(status)}, but the new value reads back",
+            "check with `handctl ekso settings` before anything else. Report it",
+        )
     if after != wanted and (after != before or accepted):
         return write_checks.refusal(
             write_checks.READ_BACK,

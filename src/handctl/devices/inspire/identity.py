@@ -85,12 +85,6 @@ def is_six_wide(at: At) -> str:
     return " and ".join(told)
 
 
-def is_exo_alone(at: At) -> bool:
-    """Whether this shows five fingers, and holds what would have shown a sixth."""
-    sixth = at(*ROTATION) is not None or (at(*SPEEDS) is not None and at(*STROKES) is not None)
-    return sixth and at(*STATUS) is not None and not is_six_wide(at) and is_five_wide(at) != ""
-
-
 def is_five_wide(at: At) -> str:
     """Temperatures of five fingers: an EH55BF1 for all that is known, where nothing speaks against it (exo §2.3.13)."""
     warm = at(1618, 5)
@@ -381,7 +375,12 @@ class FamilyGate(Gate):
             own, there, known = self._read_as, bus.at("hand"), within(blocks)
             per, there.per = there.per, 1
             held: At = known if per == 1 else lambda address, count: known(per * address, count)
-            if not (is_exo_alone(held) if own is EXO else any(one.kind is own and one.shows(held) for one in TABLE)):
+            if own is EXO:  # five fingers, and what would have shown a sixth was read
+                sixth = held(*STATUS) and (held(*ROTATION) or (held(*SPEEDS) and held(*STROKES)))
+                fits = bool(sixth and is_five_wide(held) and not is_six_wide(held))
+            else:
+                fits = any(one.kind is own and one.shows(held) for one in TABLE)
+            if not fits:
                 look, kind = IdentityCheck(there, held), own
                 try:
                     if own is not EXO or look.shown_by(TABLE[1:3]) is not EXO:  # enough for what only reads
