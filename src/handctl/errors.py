@@ -54,11 +54,16 @@ typed: set[str] = set()
 
 
 def joined(*texts: str, joint: str = ". ") -> str:
-    """Join texts. Sentences begin with a capital, except for a name as it is typed. The first command that one names stays."""
+    """Join texts, none that is said already. Sentences begin with a capital, except for a name as it is typed.
+
+    The first command that one names stays.
+    """
     first, *rest = [text for text in texts if text] or [""]
     named = next(filter(command_of, texts), "")
     for text in rest:
         behind = text[:1].upper() + text[1:] if joint == ". " and _is_word(text) else text
+        if behind in first or text in first:
+            continue
         first = f"{first} {behind}" if first.endswith(("?", "!")) else f"{first.rstrip(joint[0])}{joint}{behind}"
     return reworded(named, first)
 

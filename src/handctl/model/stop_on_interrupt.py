@@ -129,7 +129,9 @@ def stopped_by_error(
             if stopped.error is DeviceRefused:
                 raise DeviceRefused(joined(exc.text, stopped.text), hint=stopped.hint, code=NOT_STOPPED) from exc
             said = f"{who} may still move, because the stop has not been confirmed" if stopped.error else STOPPED_IT
-            exc.add_aftermath(Aftermath(f"{said}: {stopped.text}", stopped.hint, moving=stopped.error is not None))
+            if stopped.text not in exc.text:  # as where the link is still lost
+                said = f"{said}: {stopped.text}"
+            exc.add_aftermath(Aftermath(said, stopped.hint, moving=stopped.error is not None))
         raise
 
 
