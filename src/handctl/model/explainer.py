@@ -207,12 +207,13 @@ class Explainer(ABC):
     def decode(self, data: bytes, side: str = "", can_id: int | None = None) -> list[ExplainedBytes]:
         """Explain single frames from a manual or a scope; `side` "" = decide from the bytes."""
 
-    @abstractmethod
     def simulated(self, values: Mapping[str, float | str], moments: Mapping[str, float]) -> Iterable[str]:
         """What the simulator is told to show these values: options as NAME=VALUE, and control commands.
 
         `moments` are the seconds from its start to each value. What has no place in the simulator is told as well: it counts.
+        A family whose simulator is set to nothing says nothing.
         """
+        return ()
 
     @abstractmethod
     def recognises(self, data: bytes, can_id: int | None = None) -> bool:
