@@ -85,8 +85,10 @@ Place = tuple[float, float, float]
 
 def escape(text: str) -> str:
     """Text for the page: no markup, and nothing that HTML cannot hold."""
-    lost = {letter for letter in set(text) if not (letter.isprintable() or letter == "\n")}
-    return escape_markup(text.translate(dict.fromkeys(map(ord, lost), "\N{REPLACEMENT CHARACTER}")))
+    if not text.isprintable():
+        lost = {letter for letter in set(text) if not (letter.isprintable() or letter == "\n")}
+        text = text.translate(dict.fromkeys(map(ord, lost), "\N{REPLACEMENT CHARACTER}"))
+    return escape_markup(text)
 
 
 class Curve:

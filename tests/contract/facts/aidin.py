@@ -35,7 +35,7 @@ FACTS = Facts(
         "log": "{dir}/log.csv --count 2 --force",
     },
     state="start=homed",
-    states={"check": "start=open&rate=50"},
+    states={"check": "start=open&rate=25"},
     unproven=frozenset(["currents", "max-torque", "stop", "terminal"]),
     adapts=frozenset({"encoders", "joints", "fingertips", "currents", "check"}),  # a ramp from where it is
     halts=dict.fromkeys(

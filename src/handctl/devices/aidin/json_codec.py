@@ -27,7 +27,7 @@ BETWEEN = b" \t\r\n\0"
 NEUTRAL = b"{}"
 """The neutral object: no key, no mode."""
 
-_OUTSIDE = re.compile(rb'["{}]|[^ \t\r\n0-9+\-.,:\[\]a-zA-Z]')
+_OUTSIDE = re.compile(rb"[^ \t\r\n0-9+\-.,:\[\]a-zA-Z]")
 _INSIDE = re.compile(rb'["\\]|[\x00-\x1f]')
 _FLAT = re.compile(
     rb'\{[ \t\r\n0-9+\-.,:\[\]a-zA-Z]*(?:"[^"\\\x00-\x1f]{0,%d}"[ \t\r\n0-9+\-.,:\[\]a-zA-Z]*)*\}'
