@@ -323,6 +323,21 @@ def test_an_answer_that_waited_too_long_is_no_present_value(seconds: float, requ
     assert port.counts.late == 0, "it came in time, and nobody took it"
 
 
+def test_nothing_is_looked_for_between_an_answer_and_what_is_asked_ahead() -> None:
+    """The line has nothing to do until that is sent. What came late meanwhile is counted all the same, and taken for no answer."""
+    unit = Unit()
+    port = port_on(unit)
+    first = port.read(Command.GET_DATA)
+    unit.put(0.0, first.data + b"\x55\x66")
+    seen = []
+    unit.read, read = lambda *given: seen.append(len(unit.sent)) or read(*given), unit.read  # type: ignore[method-assign, func-returns-value]
+    port.send_ahead(Command.GET_DATA)
+    assert (seen, len(unit.sent)) == ([], 2)
+    assert port.read(Command.GET_DATA).msg_id == first.msg_id + 1
+    assert (port.counts.duplicates, port.journal.counters.stray_bytes, port.counts.late) == (1, 2, 0)
+    assert codes(port.journal) == ["duplicate"]
+
+
 @each_row(("turn", "next_at"), [(0.01, 0.03), (0.2, 0.22), (9.0, 0.5)])
 def test_the_answer_that_ctrl_c_did_not_wait_for_passes_before_the_next_request(turn: float, next_at: float) -> None:
     """One request at a time (ekso section 6); and what then comes is no fault of the line."""

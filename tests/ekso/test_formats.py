@@ -397,12 +397,15 @@ def test_parquet_of_several_row_groups_is_the_same(log: Path, monkeypatch: pytes
 
 
 def test_a_module_is_absent_only_meanwhile(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delitem(sys.modules, "colorsys", raising=False)
-    with absent(["colorsys", "json"]):
+    for name in ("colorsys", "tabnanny"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
+    with absent(["colorsys", "json"], tabnanny=json, csv=json):
         with pytest.raises(ImportError):
             import_module("colorsys")
         assert import_module("json") is json
+        assert (import_module("tabnanny"), import_module("csv")) == (json, csv), "what is loaded stays"
     assert import_module("colorsys")
+    assert "tabnanny" not in sys.modules
 
 
 # -- what holds for all ---------------------------------------------------------------------------------------------------

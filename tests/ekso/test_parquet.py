@@ -79,6 +79,25 @@ assert pyarrow.fs.S3FileSystem
 """
 
 
+WITHOUT_SSL = """
+import sys
+from handctl import lazy_stdlib
+from handctl.record.exports import parquet
+lazy_stdlib.own_process = True
+parquet._library()
+assert not {"ssl", "_ssl"} & set(sys.modules)
+import ssl
+assert ssl.get_default_verify_paths().openssl_cafile
+"""
+
+
+@pytest.mark.real
+def test_an_export_of_our_own_loads_nothing_that_encrypts() -> None:
+    """5 MB that no file on this computer needs."""
+    pytest.importorskip("pyarrow")
+    assert subprocess.run([sys.executable, "-c", WITHOUT_SSL], check=False).returncode == 0
+
+
 @pytest.mark.real
 def test_a_program_that_has_exported_still_reaches_files_elsewhere() -> None:
     """What the export leaves out to save memory is missed by nobody else in the process."""

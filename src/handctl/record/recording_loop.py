@@ -187,10 +187,10 @@ class Loop:
         self._asked, self._failed = False, None
         if answer.moment.sent == answer.moment.answered:
             self._clock.sleep(SHORTEST_S)
-        self.pace.sent(answer.moment.sent)
         self._heard = self._clock.now()
         looks = self._source.is_next_look(due=self._heard >= self._look_due)
         lost = None if looks else self._ask_ahead()
+        self.pace.sent(answer.moment.sent)
         if self._write():
             looks = self._begin_segment() or looks
         if lost is not None:

@@ -113,7 +113,7 @@ ROWS = (
         "wrong id accepted",
         PORT,
         "DataPort._judge",
-        "if frame.key != key_of(attempt.request):",
+        "if frame.key != attempt.key:",
         "if frame.command != attempt.request[0]:",
         "tests/ekso/test_dataport.py::test_always_late_says_so",
     ),

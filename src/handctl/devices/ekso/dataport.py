@@ -64,6 +64,7 @@ class Attempt:
     """Data received while waiting for one reply; `sent_before` requests of ours were sent before it."""
 
     request: bytes
+    key: tuple[int, int]
     sent_before: int
     received: bytes = b""
     broken: ProtocolError | None = None
@@ -72,7 +73,7 @@ class Attempt:
 
     def bad_reply(self) -> tuple[str, str]:
         """(code, text) of why there is no answer; the codes are keys of HINTS."""
-        name, msg_id = name_of(self.request[0]), key_of(self.request)[1]
+        name, msg_id = name_of(self.request[0]), self.key[1]
         if self.broken is not None:
             return self.broken.code, f"the reply to {name} is damaged: {self.broken.text}"
         if self.empty is not None and self.empty.data == self.request:
@@ -253,17 +254,21 @@ class DataPort(Line):
         Anything else that is asked next lets that answer pass first.
         """
         if self._settled and not self.over:
-            self._ahead = self._send(command, b"")
+            self._ahead = self._send(command, b"", ahead=True)
 
-    def _send(self, command: Command, body: bytes) -> tuple[bytes, Deadline]:
-        """One request on the line; its bytes and the deadline of its answer."""
+    def _send(self, command: Command, body: bytes, *, ahead: bool = False) -> tuple[bytes, Deadline]:
+        """One request on the line; its bytes and the deadline of its answer.
+
+        What came late answers nothing any more: it is looked at to be counted, and where this is sent `ahead`, when its answer is read.
+        """
         row = EXCHANGES[command]
         if row.writes:
             self.identify()
             self._written = self.contradiction = None
         if not self._settled:
             self.resynchronise()
-        self._decoder.feed(self.link.read(self.link.at_once))  # it answers nothing any more: looked at to be counted
+        if not ahead:
+            self._decoder.feed(self.link.read(self.link.at_once))
         if self._decoder.pending:
             self._drop_frames()
         self.check_bound(row.name)
@@ -277,10 +282,10 @@ class DataPort(Line):
         self._next_id = (self._next_id + 1) & 0xFFFF
         seconds = self.wire_seconds(len(request) + max(row.answers) + OVERHEAD) + self.timeout
         deadline = self.deadline(seconds)
-        self._decoder.expect(request)
         self._settled = False
         self.sent_at = self.link.now()
         self.link.write(request, deadline)
+        self._decoder.expect(request)
         self.journal.counters.sent += 1
         if not row.writes:
             self.request(command, body)  # most likely the next one: made while the line works, and remembered
@@ -291,8 +296,8 @@ class DataPort(Line):
         return encode(command, self._next_id, body, self.mode)
 
     def _wait(self, request: bytes, deadline: Deadline) -> Frame:
-        attempt = Attempt(request, self.journal.counters.sent - 1)
-        over = False
+        attempt = Attempt(request, key_of(request), self.journal.counters.sent - 1)
+        chunk: bytes | None = None
         while True:
             try:
                 frame = self._decoder.next()
@@ -301,14 +306,13 @@ class DataPort(Line):
                 attempt.broken = exc
                 deadline = self.link.deadline(AFTER_BROKEN).earlier(deadline)
                 continue
-            if frame is None and over:
+            if frame is None and chunk is not None and (not chunk or deadline.expired):
                 answer = next((f for f in self._decoder.finish() if self._judge(f, attempt)), None)
                 if answer is None:
                     raise self._failure(attempt)
                 return self._accept(answer)
             if frame is None:
                 chunk = self.link.read(deadline)
-                over = not chunk or deadline.expired
                 attempt.received += chunk
                 self._decoder.feed(chunk)
             elif self._judge(frame, attempt):
@@ -316,7 +320,7 @@ class DataPort(Line):
 
     def _judge(self, frame: Frame, attempt: Attempt) -> bool:
         """Whether `frame` is the answer; what is none is counted."""
-        if frame.key != key_of(attempt.request):
+        if frame.key != attempt.key:
             attempt.foreign = frame
             self._count_foreign(frame)
             return False
@@ -338,7 +342,8 @@ class DataPort(Line):
             self._written, self._replied = frame, None
         self.counts.answered += 1
         self.journal.counters.received += 1
-        self._count_stray()
+        if self._decoder.skipped:
+            self._count_stray()
         if frame.mode != "body":
             self.journal.warn(
                 "length-convention",

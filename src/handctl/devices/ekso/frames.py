@@ -233,19 +233,15 @@ class Decoder(Stream[Frame]):
         super().__init__()
         self._expected: tuple[int, int] | None = None
         self._request = b""
-        self._usual: list[tuple[str, bytes, int]] = []
-        """Of the expected answer: the convention that was met last, how it begins by that, its length."""
+        self._sizes: tuple[int, ...] = ()
+        """Of the body of the expected answer."""
         self.mode: str | None = None
 
     def expect(self, request: bytes) -> None:
         """What follows shall answer `request`; bytes that are still held are kept."""
         self._request = request
         self._expected = key_of(request)
-        if (mode := self.mode) is not None:
-            self._usual = [
-                (mode, bytes([request[0], size + LENGTH_MODES[mode]]) + request[2:4], size + OVERHEAD)
-                for size in EXCHANGES[request[0]].answers
-            ]
+        self._sizes = EXCHANGES[request[0]].answers
 
     def clear(self) -> None:
         """Drop what is held."""
@@ -253,14 +249,12 @@ class Decoder(Stream[Frame]):
 
     def next(self) -> Frame | None:
         """The next frame, or None until more bytes come. Raises ProtocolError for a broken answer."""
-        for (
-            mode,
-            head,
-            size,
-        ) in self._usual:  # as it mostly comes: without a search, for the line waits for the next request
-            if len(self._buffer) == size and self._buffer.startswith(head) and not crc(data := bytes(self._buffer)):
+        size, mode = len(self._buffer) - OVERHEAD, self.mode
+        if size in self._sizes and mode is not None:  # as it mostly comes: the line waits for the next request
+            data, request = bytes(self._buffer), self._request
+            head = bytes([request[0], size + LENGTH_MODES[mode]]) + request[2:4]
+            if data.startswith(head) and not crc(data):
                 self._buffer.clear()
-                self.mode = mode
                 return Frame(data[0], int.from_bytes(data[2:4], "big"), data[4:-2], mode, data)
         keep, at = len(self._buffer), -1
         while place := BEGIN.search(self._buffer, at + 1):

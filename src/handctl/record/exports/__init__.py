@@ -17,6 +17,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Any
 
 from handctl import lazy_stdlib
@@ -168,17 +169,26 @@ def write(export: Export, kind: str) -> None:
 
 
 @contextmanager
-def absent(names: Iterable[str]) -> Iterator[None]:
-    """Modules that no import finds meanwhile, unless they are loaded already: what a library would load and use for nothing here."""
-    hidden = [name for name in names if name not in sys.modules]
-    nothing: dict[str, Any] = dict.fromkeys(hidden)
-    sys.modules.update(nothing)
+def absent(names: Iterable[str], **instead: Any) -> Iterator[None]:
+    """Modules that no import finds meanwhile, unless they are loaded already: what a library would load and use for nothing here.
+
+    `instead` has what an import finds in place of others.
+    """
+    wanted: dict[str, Any] = {**dict.fromkeys(names), **instead}
+    hidden = {name: wanted[name] for name in wanted if name not in sys.modules}
+    sys.modules.update(hidden)
     try:
         yield
     finally:
-        for name in hidden:
-            if sys.modules.get(name, name) is None:
+        for name, module in hidden.items():
+            if sys.modules.get(name, name) is module:
                 del sys.modules[name]
+
+
+def no_ssl() -> dict[str, Any]:
+    """What takes the place of `ssl` where nobody else is in this process: pyarrow asks it for certificates as soon as it is loaded."""
+    none = SimpleNamespace(cafile=None, capath=None)
+    return {"ssl": SimpleNamespace(get_default_verify_paths=lambda: none)} if lazy_stdlib.own_process else {}
 
 
 def name_of(export: Export) -> str:

@@ -14,7 +14,7 @@ from itertools import accumulate
 from typing import TYPE_CHECKING, Any
 
 from handctl.files import atomic_write
-from handctl.record.exports import absent
+from handctl.record.exports import absent, no_ssl
 from handctl.record.log_reader import Block, LogFile
 
 if TYPE_CHECKING:
@@ -36,8 +36,8 @@ def write(export: Export) -> None:
     fields = [
         pyarrow.field(name, getattr(pyarrow, kind)(), metadata=about) for name, kind, about in _fields(export.log)
     ]
-    said = {"handctl": json.dumps(export.about(), ensure_ascii=False)}
-    schema = pyarrow.schema(fields, metadata=said)
+    # That of hours is long: only the library keeps it.
+    schema = pyarrow.schema(fields, metadata={"handctl": json.dumps(export.about(), ensure_ascii=False)})
     gaps = {*export.log.texts, *(one.column for one in export.log.channels if one.decimals is None)}
     columns = [Column(one.name, one.type, gaps=one.name in gaps) for one in fields]
     with (
@@ -58,12 +58,12 @@ def write(export: Export) -> None:
 
 
 def _library() -> Any:
-    """Its part for this format, without what reaches for files elsewhere: 4 MB that no file on this computer needs.
+    """Its part for this format, without what reaches for files elsewhere: 9 MB that no file on this computer needs.
 
-    Whoever imports `pyarrow.fs` afterwards gets all of it.
+    Whoever imports `pyarrow.fs` afterwards gets all of it; the certificates only where this process is not ours alone.
     """
     known = "pyarrow.fs" in sys.modules
-    with absent(REMOTE):
+    with absent(REMOTE, **no_ssl()):
         found = import_module("pyarrow.parquet")
     if not known:
         sys.modules.pop("pyarrow.fs", None)
