@@ -228,6 +228,11 @@ class Device:
         self._line = line
 
     def __enter__(self) -> Device:
+        """Raises UsageError if it is closed."""
+        try:
+            self._line.check_open()
+        except UsageError as exc:
+            raise error_in_python(exc, self.kind) from None
         return self
 
     def __exit__(self, *error: object) -> None:
@@ -243,7 +248,7 @@ class Device:
             raise error_in_python(failure, self.kind)
 
     def disconnect(self) -> None:
-        """Close the link, and stop nothing. A `with` does so at its end. Raises LinkError."""
+        """Close the link, and stop nothing. A `with` does so at its end. From then on only `stop` opens it, for itself. Raises LinkError."""
         self.__exit__(None)
 
     @property

@@ -37,6 +37,10 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         if argv is None:
             _raise_on_ctrl_c()
+        if "stop" in args and sum(word.startswith(("-d", "--device")) for word in args) > 1:
+            from handctl.command.several_devices import joined_for_a_stop
+
+            args = joined_for_a_stop(args)
         several = any("," in word or word.endswith("*") for word in args)
         if not (several and _on_several(args)):
             root.main(args=list(args), prog_name="handctl", standalone_mode=False)

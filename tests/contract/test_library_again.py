@@ -10,11 +10,12 @@ import pytest
 import handctl
 from handctl.api import Device
 from handctl.command.family import map_of
-from handctl.errors import NoAnswer
+from handctl.errors import NoAnswer, UsageError
 from handctl.families import FAMILIES
-from handctl.link import Link
+from handctl.link import Link, open_link
 from tests.contract.alone import steady
 from tests.contract.facts import passed
+from tests.support.refused import refused
 
 REQUEST = bytes.fromhex("EB 90 01 04 11 0A 06 02 28")
 """Another register of the exo (1546, exo §2.2.2), whose answer is as long as that for the voltage."""
@@ -54,6 +55,28 @@ def test_it_asks_and_answers_as_the_first_time(family: str, tmp_path: Path) -> N
     asked = lengths[2] - lengths[1]
     assert asked == lengths[1] - lengths[0] > 0, "each call asks the device, and all of it is in the trace"
     assert counters[0] == counters[1], "each has its own counters"
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_no_call_but_a_stop_opens_a_closed_link_again(family: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    name, opened = quantity(family), list[str]()
+    with handctl.simulate(family) as device:
+        device.get(name)
+        late = device.watch(name, count=1)
+
+    def noted(link: str, **options: Any) -> Link:
+        opened.append(link)
+        return open_link(link, **options)
+
+    monkeypatch.setattr("handctl.command.connection.open_link", noted)
+    for call in (device.__enter__, lambda: device.get(name), device.dump, lambda: list(late)):
+        with refused(UsageError, "closed"):
+            call()
+    assert device.describe() and opened == []
+    assert device.stop() and len(opened) == 1
+    assert device._line.session._open == {} and device._line.session.in_motion == []
+    with refused(UsageError, "closed"):
+        device.get(name)
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -126,6 +126,29 @@ def test_a_hand_that_shows_itself_in_part_is_read_and_not_written_to(tmp_path: P
     assert not wrote("hand", "set", passed)
 
 
+@each_row(
+    ("lacks", "options", "code"),
+    [
+        ((1472, 2), {}, 0),
+        ((1546, 12), {}, 0),
+        ((1472, 2), {"speaks": "modbus"}, 0),
+        ((1472, 2), {"bus": "can"}, 0),
+        ((1472, 76), {"speaks": "modbus"}, 0),
+        ((1472, 76), {"bus": "modbus-tcp"}, 0),
+        ((1472, 86), {"bus": "can"}, 4),
+    ],
+)
+def test_a_hand_that_replies_to_any_first_question_is_asked_on(
+    lacks: tuple[int, int], options: dict[str, str], code: int
+) -> None:
+    """It lacks the states, which show what it is, and one first question or both: an exception is a reply, too.
+
+    Where none of the three has a reply of any kind, nobody is there.
+    """
+    with odd_registers(without=((1606, 6), lacks)):
+        assert asked("hand", "get", "force_actual", **options).code == code
+
+
 def test_a_wrist_is_one_whichever_of_its_currents_it_has(tmp_path: Path) -> None:
     for span in ((1024, 2), (1026, 2)):
         with odd_registers(without=(span,)):

@@ -222,8 +222,8 @@ def test_a_device_may_be_left_without_with() -> None:
     assert hand.get("id")
     hand.disconnect()
     hand.disconnect()
-    assert hand.get("id")  # opens it again
-    hand.disconnect()
+    with refused(UsageError, "closed"):
+        hand.get("id")
 
 
 def test_a_stop_behind_the_last_reply_of_a_reading_that_is_asked_again_ends_it(

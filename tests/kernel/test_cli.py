@@ -54,7 +54,7 @@ def test_the_option_nearest_the_verb_wins() -> None:
 def test_the_last_of_two_equal_options_wins() -> None:
     assert run("exo", "get", "id", "--fake", "--json", "--format", "plain").out == "1\n"
     assert run("exo", "get", "id", "--fake", "--format", "plain", "--json").values == {"id": 1}
-    assert link_of(run("exo", "get", "id", "-p", fake(seed=1), "-p", fake(seed=2), "--json")) == fake(seed=2)
+    assert link_of(run("-p", fake(seed=1), "exo", "get", "id", "-p", fake(seed=2), "--json")) == fake(seed=2)
 
 
 def test_port_and_fake_override_each_other_by_level() -> None:

@@ -37,6 +37,10 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
+    "Only two different `-p` or `--id` side by side": (
+        "kernel/test_given_twice.py",
+        "test_of_any_other_option_the_last_one_counts",
+    ),
     "If a value goes past it, `watch` and `log` end at once": ("kernel/test_limits.py", "test_until_ends_a_stream"),
     "Exit code 7 means that something was found or could not be read": (
         "tools/test_service.py",

@@ -17,10 +17,12 @@ import subprocess
 import sys
 import textwrap
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from handctl.command.family import load
 from handctl.errors import DeviceRefused, NoAnswer
 from handctl.families import FAMILIES
 from handctl.model.command_settings import Settings
@@ -80,6 +82,25 @@ def test_a_stop_that_nobody_answers_ends_and_claims_nothing(family: str, speed: 
     assert seconds < (3 if speed is None else STOP_SECONDS), "it takes longer than anybody waits"
     for step in writes_without_replies(stop_sequence_of(family, StopContext(Settings(), speed=speed))):
         assert step.moves and step.meaning
+
+
+@each_row("can", [False, True])
+@each_row("proven", [False, True])
+@each_row("family", FAMILIES)
+def test_the_first_bytes_of_a_stop_wait_for_one_quick_question_at_the_most(
+    family: str, proven: bool, can: bool
+) -> None:
+    """50 ms (contract §7), also where nothing replies. Only a wrist needs its position first: without that it is sent nothing."""
+    if can and "can" not in load(family, "cli").cli.family.wires:
+        return
+    sequence = stop_sequence_of(family, StopContext(Settings(), can, None if can else 9600, proven=proven))
+    action, waited = next(sequence), 0.0
+    with suppress(StopIteration):
+        while action.reads:
+            waited += action.seconds
+            action = sequence.send([])
+    assert action.reads == (family == "wrist")
+    assert action.reads or waited <= (0.0 if proven or can else 0.05), waited
 
 
 @pytest.mark.real

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from handctl.devices.inspire import modbus_frames
-from handctl.errors import DeviceRefused
+from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.link import ByteLink, open_link
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import Sent, StopContext, Stopped, exchange_steps, stop_sequence_of
+from handctl.stop.stop_listener import STOP_SECONDS
 from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
 from tests.support.stop import BEYOND, RELEASE, summed
@@ -68,6 +69,21 @@ def test_a_device_that_answers_each_request_late_is_stopped(family: str, seconds
     hold = writes[-1].step.data
     assert [one.step.data for one in writes].count(hold) == 1, "a hold from a place read once goes out once"
     assert len(writes) <= 7, writes
+
+
+@each_row("seconds", [0.002, 0.1, 0.2, 0.3, 0.45, 0.6])
+@each_row("family", ["exo", "wrist"])
+def test_a_hold_that_is_never_acknowledged_ends_before_anybody_gives_up(family: str, seconds: float) -> None:
+    """What needs no position goes out at once, each hold from a position read anew, and on a slow line there are fewer of them."""
+    hold, first = (0x32, 0x31) if family == "exo" else (0x31, 0x31)
+    link = through(f"{family}?seed=1", lambda _link, request, reply: [] if request[4] == hold else [(seconds, reply)])
+    result, _ = stopped(family, link)
+    assert result.error in (NoAnswer, ProtocolError), result
+    at = [when for when, data in zip(link.sent_at, link.sent, strict=True) if data[4] == first]
+    holds = [place for place, data in enumerate(link.sent) if data[4] == hold]
+    assert at[0] <= (0.06 if family == "exo" else 2 * seconds + 0.01), "the first stop goes out at once"
+    assert len(holds) >= (7 if seconds <= 0.1 else 2) and link.clock < 6.0 < STOP_SECONDS, (len(holds), link.clock)
+    assert all(link.sent[place - 1][4] != hold for place in holds)
 
 
 def test_one_lost_reply_does_not_make_a_line_slow() -> None:

@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
-from typing import cast
+from typing import Any, cast
 
 import pytest
 
+from handctl.command import connection
 from handctl.command.run import Run
 from handctl.families import FAMILIES
-from handctl.link import device_lock
+from handctl.link import Deadline, Link, device_lock
 from handctl.link.device_lock import Holder, InUse, hold
+from handctl.model.command_settings import Settings
 from handctl.model.result import Journal
+from handctl.model.stop_sequence import StopContext, TwoParts, stop_sequence_of
 from handctl.stop.stop_command import _end
 from handctl.system import processes
 from handctl.tools import stop
@@ -209,6 +214,66 @@ def test_another_device_than_the_last_one_is_stopped(before: str, bench: Bench) 
         assert [row["step"] for row in result.rows] == list(range(1, len(rows) + 1))
         assert ("other-device" in result.codes()) == (there != before), (there, result)
         assert result.json["device"]["kind"] == there and result.json["writes"][-1]["state"] != "not-sent"
+
+
+@each_row(
+    ("before", "there", "first", "latest"),
+    [
+        ("barrett", "exo", "EB 90 01 0B 31", 1.2),
+        ("barrett", "wrist", "EB 90 07 31 0E", 1.2),
+        ("barrett", "hand", "EB 90 01 0F 12", 1.2),
+        ("barrett", "ekso", "9C 02", 0.9),
+        ("ekso", "exo", "EB 90 01 0B 31", 1.0),
+    ],
+)
+def test_a_device_that_is_there_instead_does_not_wait_for_the_stop_of_the_last_one(
+    before: str, there: str, first: str, latest: float, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is expected gets its bytes at once; after half a second of silence the one that is there gets its own, not after 4 s."""
+    bench.there = f"{before}?"
+    assert run(before, "status", "-p", PORT).code in (0, 7)
+    bench.there = f"{there}?"
+    sent, opened = list[tuple[float, bytes]](), connection.open_link
+
+    def noted(name: str, **options: Any) -> Link:
+        link: Any = opened(name, **options)
+        write = link.write
+
+        def written(data: bytes, deadline: Deadline) -> None:
+            sent.append((link.now(), data))
+            write(data, deadline)
+
+        link.write = written
+        return link  # type: ignore[no-any-return]
+
+    monkeypatch.setattr(connection, "open_link", noted)
+    result = run("stop", "-p", PORT, "--json")
+    assert result.code == 0 and result.json["device"]["kind"] == there, result
+    begin = bytes.fromhex(first) if there != "wrist" else bytes.fromhex("31 0E")
+    came = min(when for when, data in sent if begin in data)
+    assert sent[0][0] < 0.01 and came < latest, (came, sent[:3])
+
+
+def test_a_stop_that_pauses_sends_all_that_it_would_have_sent() -> None:
+    """Nobody replies: the rest of it follows, in the same order."""
+    for family in FAMILIES:
+        context, sent = StopContext(Settings(), speed=9600 if family == "barrett" else 115200), list[bytes]()
+        parts = TwoParts(partial(stop_sequence_of, family))
+        for sequence in (parts, parts.rest):
+            with suppress(StopIteration):
+                steps = sequence(context)
+                action = next(steps)
+                while True:
+                    sent += [action.step.data] if action.sends else []
+                    action = steps.send([])
+            assert parts.paused == (sequence == parts), family
+        whole, steps = list[bytes](), stop_sequence_of(family, context)
+        with suppress(StopIteration):
+            action = next(steps)
+            while True:
+                whole += [action.step.data] if action.sends else []
+                action = steps.send([])
+        assert sent == whole and len(whole) > 1, family
 
 
 @each_row("family", ["exo", "wrist", "hand"])

@@ -232,6 +232,28 @@ def test_a_hand_that_finds_its_speed_by_itself(system: System) -> None:
     )  # fmt: skip
 
 
+@each_row("speed", [9600, 38400])
+def test_a_barrett_hand_without_an_echo_has_replied(speed: int) -> None:
+    """Its prompt shows the baud rate: no other one is tried, and no row says that there was no reply."""
+    link = f"fake://barrett?fault=no-echo&baud={speed}"
+    answer, rows = link_rows(link, "barrett")
+    assert answer.code == 7
+    assert [rows[name][0] for name in ("answer", "speed", "echo")] == ["fail", "ok", "fail"]
+    assert f"at {speed} bit/s" in rows["answer"][1] and f"at {speed} bit/s" in rows["speed"][1], rows
+    assert "no reply" not in " ".join(rows[name][1] for name in ("answer", "speed", "echo"))
+    for words in (("barrett", "status"), ("barrett", "scan"), ("scan", "--id", "1")):
+        found = run(*words, "-p", f"{link}&clock=virtual", "--json")
+        assert (found.code, found.error["code"], f"at {speed} bit/s" in found.error["text"]) == (5, "no-echo", True), (
+            found
+        )
+
+
+@each_row("fault, either", [("silent", True), ("wrong-id", False)])
+def test_no_reply_either_follows_silence_alone(fault: str, either: bool) -> None:
+    _, rows = link_rows(f"fake://exo?fault={fault}", "exo", "--count", "5")
+    assert "no reply at 57600, 19200" in rows["speed"][1] and rows["speed"][1].endswith("either") is either, rows
+
+
 @pytest.mark.parametrize("family", ["exo", "wrist", "barrett", "ekso"])
 def test_silence_is_a_row_and_7(system: System, family: str) -> None:
     answer, rows = link_rows(f"fake://{family}?fault=silent", family)
@@ -440,7 +462,7 @@ def test_garbage_is_a_wrong_speed_suspected() -> None:
     link, checks = complained(ProtocolError("garbage", code="garbage"))
     assert checks["answer"].status == "fail"
     assert checks["speed"].status == "warning"
-    assert checks["speed"].evidence == "the data at 9600 bit/s is garbage, no reply at 19200 either"
+    assert checks["speed"].evidence == "the data at 9600 bit/s is garbage, no reply at 19200"
     assert link.baud == 9600
     assert "error_rate" not in checks
 

@@ -26,6 +26,8 @@ from handctl.command.options import (
     OutFile,
     SharedOption,
     command_line,
+    given_once,
+    given_twice,
     lacking,
     own_options,
     shared_options,
@@ -112,6 +114,8 @@ class Described(click.Command):
     _own: list[click.Parameter] | None = None
     _shared: list[click.Parameter] | None = None
     _parser: tuple[list[click.Parameter], Any] | None = None
+    _once: Sequence[click.Option] = ()
+    """Options of which `_parser` keeps all values."""
 
     def refused(self) -> frozenset[str]:
         """Common options that this command cannot use, by key; "" means all options of the link.
@@ -153,11 +157,35 @@ class Described(click.Command):
             long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
             if isinstance(long, dict) and isinstance(short, dict):
                 long.update(short)
+                self._once = [
+                    one for one in params if isinstance(one, click.Option) and given_once(one, writes=self.writes)
+                ]
+                for option in long.values():
+                    if option.obj in self._once:
+                        option.action = "append"
             self._parser = params, made
         made = self._parser[1]
         parser: Any = object.__new__(type(made))  # as `copy.copy`, which takes ten times as long
-        vars(parser).update(vars(made), ctx=ctx)
+        vars(parser).update(vars(made), ctx=ctx, parse_args=lambda args: self._parsed(parser, args))
         return parser
+
+    def _parsed(self, parser: Any, args: list[str]) -> tuple[dict[str, Any], list[str], list[click.Parameter]]:
+        """What click's parser makes of the words. Raises UsageError for an option that contradicts itself."""
+        found, rest, order = type(parser).parse_args(parser, args)
+        ctx = parser.ctx
+        for option in self._once:
+            if option.name not in found:
+                continue
+            values = list(dict.fromkeys(found[option.name]))
+            found[option.name] = values[-1]
+            if len(values) == 1 or ctx.resilient_parsing:
+                continue
+            error = given_twice(option, values)
+            if isinstance(option, SharedOption) or not command_line(ctx).stopping:
+                raise error
+            command_line(ctx).unfit.append(error)  # a stop goes out without it, to all that it could mean
+            del found[option.name]
+        return found, rest, order
 
     def get_help_option(self, ctx: click.Context) -> click.Option:
         return HELP

@@ -18,6 +18,7 @@ import contextlib
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import click
@@ -71,18 +72,21 @@ class Device(NamedTuple):
 
 
 class Config(NamedTuple):
-    """The whole file; empty when there is none."""
+    """The whole file; empty when there is none. `unusable`: devices that were left out, and what is wrong with each."""
 
     path: str
     text: str
     values: dict[str, Entry]
     devices: dict[str, Device]
+    unusable: Mapping[str, UsageError] = MappingProxyType({})
 
     def find(self, name: str) -> Device:
         """The device of this name. Raises UsageError with what is known."""
         found = self.devices.get(name)
         if found is not None:
             return found
+        if name in self.unusable:
+            raise self.unusable[name]
         known = f"Named so far: {', '.join(self.devices)}" if self.devices else "No device has been named yet"
         from handctl.misspellings import near
 
@@ -168,13 +172,16 @@ def parse(path: str, text: str, passed: list[UsageError] | None = None) -> Confi
     tables = data.pop("devices", {})
     values = book.entries((), data, tuple(book.checks), "option")
     devices: dict[str, Device] = {}
+    unusable: dict[str, UsageError] = {}
     with book.noted():
         if not isinstance(tables, dict):
             raise book.wrong(("devices",), "devices must be a table", "write [devices.NAME]")
         for name, table in tables.items():
             with book.noted():
                 devices[name] = book.device(name, table)
-    return Config(path, text, values, devices)
+            if passed and name not in devices:
+                unusable[name] = passed[-1]
+    return Config(path, text, values, devices, unusable)
 
 
 def from_toml(text: str) -> dict[str, Any]:

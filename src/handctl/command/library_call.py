@@ -135,6 +135,7 @@ class LibrarySession:
         self.settings = settings
         self.session = session
         self.last: Call | None = None
+        self._closed = False
         self._parsed: dict[Any, click.Context] = {}
         self._bound: dict[Any, Call] = {}  # readings that went well: the next one asks the same
         self._running: Generator[list[Row], None, None] | None = None
@@ -152,6 +153,8 @@ class LibrarySession:
     def close(self) -> HandctlError | None:
         """Close the link, and stop nothing; what went wrong."""
         with self._turn:
+            self._closed = True
+            self._bound.clear()
             self._end_stream()
             atexit.unregister(self._ended)
             return self.session.close(self.last.journal if self.last is not None else Journal())
@@ -253,14 +256,20 @@ class LibrarySession:
         with self._turn, self._watched():
             if command.stops:
                 self._end_stream()
+            elif not command.offline:
+                self.check_open()
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
+            if self._closed:
+                settings = settings._replace(trace=None)  # the file is complete
             call = self._call(command, words, values, settings, confirm)
             call.body = command.body(call)
             outcome = call.carry_out(call.body)
             if outcome.streams and outcome.failure is None:
                 return self._taken(call)
             call.end_device()
+            if self._closed:
+                self.close()  # behind a stop
             rows = call.result()
             if key is not None and command.only_reads and outcome.table is not None and len(self._bound) < MOST_BOUND:
                 with suppress(TypeError):
@@ -304,6 +313,15 @@ class LibrarySession:
             raise UsageError("standard input is not read here", hint="give a file instead of -")
         return ctx
 
+    def check_open(self) -> None:
+        """Raise UsageError where the caller has closed the link: nobody would close it a second time."""
+        if self._closed:
+            raise UsageError(
+                f"{self.settings.port}: the connection is closed",
+                hint="call handctl.connect again, or make this call inside the `with` block. `stop` can be called at any time",
+                code="closed",
+            )
+
     def _check_free(self) -> None:
         if self._running is not None:
             hint = "leave its loop, or close it. `stop` can be called at any time"
@@ -311,6 +329,7 @@ class LibrarySession:
 
     def _taken(self, call: Call) -> Iterator[list[Row]]:
         with self._turn:
+            self.check_open()
             self._check_free()
             self._running = samples = call.samples()
         try:

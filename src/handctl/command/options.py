@@ -116,6 +116,8 @@ class OutFile(_File):
 
 # -- what a command line has said ---------------------------------------------------------------------------------------
 
+CHOOSES = ("port", "device", "id")
+"""Settings that say which device is meant. Given twice at one level, they leave it open."""
 FORMATS = ("table", "plain", "json", "ndjson", "csv", "openmetrics")
 META = "handctl"
 """Key in click's shared meta: the `CommandLine` of a command line."""
@@ -178,6 +180,25 @@ WITHOUT_FILE = "completion"
 """Its script must come out whatever the file says, also when that is damaged."""
 WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 """They edit what the named devices are made of, so they must not need one."""
+
+
+def given_once(option: click.Option, *, writes: bool) -> bool:
+    """Whether two different values of an option contradict each other: it chooses the device, or what a command that `writes` does.
+
+    Of any other option the last one counts, as everywhere on Unix: an alias may hold the first one.
+    """
+    if option.multiple or option.is_flag or option.count:
+        return False
+    return option.key in CHOOSES if isinstance(option, SharedOption) else writes
+
+
+def given_twice(option: click.Option, values: Sequence[str]) -> UsageError:
+    """The error of an option with these different values."""
+    hint = "leave one of them out"
+    if isinstance(option, SharedOption) and option.key == "device":
+        hint = f"for both, give -d {','.join(values)}"
+    text = f"{max(option.opts, key=len)} is given twice, as {' and '.join(values)}"
+    return UsageError(text, hint=hint, code="twice")
 
 
 def words_of(ctx: click.Context) -> list[str]:

@@ -21,6 +21,7 @@ from handctl.command.library_call import Call
 from handctl.command.options import OutFile
 from handctl.command.run import PlannedAction, Run
 from handctl.errors import STOPPED, HandctlError, Hint, Interrupted, LinkError, UsageError, joined, typed
+from handctl.families import FAMILIES
 from handctl.model.result import Column, Grid, Row, Sample, Table
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.screen.render import default_view
@@ -47,21 +48,38 @@ POLL_SECONDS = 0.1
 
 def devices_in(words: Sequence[str]) -> tuple[int, str, tuple[str, ...]] | None:
     """The several devices of -d as (position of the word, text before the names, the names); None if there is only one."""
+    for place, start, text in _each_d(words):
+        if "," in text or text == "*":
+            return place, start, _named(text, urgent="stop" in words)
+    return None
+
+
+def _each_d(words: Sequence[str]) -> Iterator[tuple[int, str, str]]:
+    """Each -d of a line: position of the word with the names, text before them, the names."""
     for place, word in enumerate(words):
         if word == "--":
             break
         before = words[place - 1] if place else ""
         if before in ("-d", "--device"):
-            start, text = "", word
+            yield place, "", word
         elif word.startswith("--device="):
-            start, text = "--device=", word.removeprefix("--device=")
+            yield place, "--device=", word.removeprefix("--device=")
         elif word.startswith("-d") and len(word) > 2:
-            start, text = "-d", word[2:]
-        else:
+            yield place, "-d", word[2:]
+
+
+def joined_for_a_stop(words: Sequence[str]) -> list[str]:
+    """The words of a stop with `-d A -d B` as `-d A,B`: it stops all that were named. At different levels the one nearest the verb wins."""
+    line, gone = list(words), set[int]()
+    first, begins, names = 0, "", list[str]()
+    for place, start, text in _each_d(words):
+        if not names or any(word == "stop" or word in FAMILIES for word in words[first + 1 : place]):
+            first, begins, names = place, start, [text]
             continue
-        if "," in text or text == "*":
-            return place, start, _named(text, urgent="stop" in words)
-    return None
+        names += [] if text in names else [text]
+        line[first] = begins + ",".join(names)
+        gone |= {place} if start else {place - 1, place}
+    return [word for at, word in enumerate(line) if at not in gone]
 
 
 def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
@@ -69,7 +87,9 @@ def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
     from handctl.command.config import read_config
 
     config = read_config(passed=[] if urgent else None)
-    names = list(config.devices) if text == "*" else [name.strip() for name in text.split(",") if name.strip()]
+    names = [name.strip() for name in text.split(",") if name.strip()]
+    if "*" in names:
+        names = [*config.devices, *config.unusable]  # those are reported as not stopped
     if not names:
         raise UsageError(f"-d {text}: no devices are named", hint="`handctl devices add NAME FAMILY -p LINK` adds one")
     for name in names if not urgent else ():

@@ -116,6 +116,8 @@ def _root(tree: Node) -> str:
     page.para(escape(tree.help))
     page.para(
         "Options can go anywhere: before the command, after it or after its subcommand. The one closest to the subcommand wins. "
+        "Side by side, the last one wins, but two different -p, -d or --id are an error, and so are two different values for an option "
+        "of a command that writes. "
         "Each has an environment variable, and a key in the configuration file. The command line goes before the "
         "environment, then comes what a named device says, then the file."
     )

@@ -28,6 +28,27 @@ def attempts(context: StopContext) -> int:
     return max(2, round((context.within or REPEAT_FOR) / interval(context)))
 
 
+class HoldTries:
+    """How often a position is read anew and held: the hold is repeated for its second, and at least twice.
+
+    On a slow line each hold waits longer for its reply (`behind`), so there are fewer: as many as on a quick one would take
+    longer than whoever asked for the stop waits.
+    """
+
+    def __init__(self, context: StopContext) -> None:
+        self._context = context
+        self._count, self._left = 0, context.within or REPEAT_FOR
+
+    def another(self) -> bool:
+        """Whether there is one more."""
+        self._count += 1
+        return self._count <= 2 or (self._left > 0 and self._count <= attempts(self._context))
+
+    def sent(self, before: StepResult[Any]) -> None:
+        """A hold went out behind this step."""
+        self._left -= patience(self._context, before)
+
+
 @fast_dataclass(frozen=True)
 class StepResult(Generic[T]):
     """The result of a repeated step.
@@ -79,14 +100,18 @@ def repeat_until_answered(
     return StepResult(what, came, count * interval(context), max(0, count - 1 - refused))
 
 
+def patience(context: StopContext, before: StepResult[Any] | None) -> float:
+    """Seconds to wait for one reply behind this step: as late as that to a repetition."""
+    return interval(context) + (before.seconds if before is not None and before.pending else 0.0)
+
+
 def behind(
     context: StopContext, before: StepResult[Any] | None, action: StopStep
 ) -> Generator[StopStep, Pieces, Pieces]:
     """Send a step once, behind a repeated one; returns what came. Replies to the repetitions may come first, each as late as the first was."""
-    seconds = interval(context)
+    late = patience(context, before)
     if before is None or not before.pending:
-        return (yield action._replace(seconds=seconds))
-    late = before.seconds + seconds
+        return (yield action._replace(seconds=late))
     came = list((yield action._replace(seconds=late)))
     fresh: Pieces = came
     for _ in range(before.pending):

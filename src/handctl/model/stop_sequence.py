@@ -185,6 +185,62 @@ def joined_stops(ended: Sequence[Stopped]) -> Stopped:
     return worst._replace(text=joined(*(one.text for one in ended)))
 
 
+QUIET_FOR = 0.5
+"""Seconds without a single byte after which a device that was expected is perhaps not the one that is there."""
+
+
+class TwoParts:
+    """A stop that pauses where nothing replies, so that its sender can see which device is there; `rest` goes on with it.
+
+    paused   something is left of it
+    """
+
+    def __init__(self, sequence: Callable[[StopContext], StopSequence]) -> None:
+        self.paused = False
+        self._sequence = sequence
+        self._rest: StopSequence | None = None
+
+    def __call__(self, context: StopContext) -> StopSequence:
+        if self._rest is not None:  # at another id
+            return self._sequence(context)
+        self._rest = self._sequence(context)
+        return self._until_quiet(self._rest)
+
+    def rest(self, context: StopContext) -> StopSequence:
+        """What is left of it, once; then all of it, at another id."""
+        if self._rest is None or not self.paused:
+            return self._sequence(context)
+        self.paused = False
+        return self._going_on(self._rest)
+
+    def _until_quiet(self, rest: StopSequence) -> StopSequence:
+        """Its steps; from the first byte on it is not paused any more."""
+        quiet: float | None = 0.0
+        try:
+            action = next(rest)
+            while True:
+                pieces = yield action
+                quiet = None if quiet is None or pieces else quiet + action.seconds
+                if quiet is not None and quiet >= QUIET_FOR:
+                    self.paused = True
+                    return Stopped(f"no reply within {QUIET_FOR:g} s", error=NoAnswer)
+                action = rest.send(pieces)
+        except StopIteration as end:
+            stopped: Stopped = end.value
+            return stopped
+
+    @staticmethod
+    def _going_on(rest: StopSequence) -> StopSequence:
+        """What is left of it, behind a step that nothing replied to."""
+        try:
+            action = rest.send([])
+            while True:
+                action = rest.send((yield action))
+        except StopIteration as end:
+            stopped: Stopped = end.value
+            return stopped
+
+
 class StopPlan:
     """A stop of one device for a process that outlives this one, or for later: it can be called, and pickled.
 

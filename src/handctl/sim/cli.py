@@ -140,13 +140,14 @@ def _some(ctx: click.Context, param: click.Parameter, text: str | None) -> str |
 
 def _raw_options(given: dict[str, Any], fault: tuple[str, ...], settings: tuple[str, ...]) -> dict[str, str]:
     """The options as a fake:// link would spell them."""
-    raw: dict[str, str] = {}
+    raw = {name: str(value) for name, value in given.items() if value is not None}
     for text in settings:
         name, equals, value = text.partition("=")
         if not equals or not name:
             raise click.UsageError(f"--set {text}: give KEY=VALUE")
-        raw[name.strip().replace("_", "-")] = value.strip()
-    raw.update({name: str(value) for name, value in given.items() if value is not None})
+        name, value = name.strip().replace("_", "-"), value.strip()
+        if raw.setdefault(name, value) != value:
+            raise click.UsageError(f"{name} is given twice, as {raw[name]} and {value}")
     if fault:
         raw["fault"] = ",".join([*([raw["fault"]] if "fault" in raw else []), *fault])
     return raw

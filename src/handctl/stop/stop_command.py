@@ -278,16 +278,21 @@ def is_said(source: Source | None) -> bool:
 
 
 def stopped_as(
-    run: Run, kind: str, reached: set[tuple[str, int]], before: Table | None = None, turns: Turns | None = None
+    run: Run,
+    kind: str,
+    reached: set[tuple[str, int]],
+    before: Table | None = None,
+    turns: Turns | None = None,
+    sequence: Callable[[StopContext], StopSequence] | None = None,
 ) -> Table:
-    """The stop of a device of family `kind`, behind the steps of the one `before`, which was for another device."""
+    """The stop of a device of family `kind`, behind the steps of the one `before`, which was for another device, or its first part."""
     run.family = load(kind, "cli").cli.family
     if before is not None:
         run.settings = run.settings._replace(kind=None)
         run.journal.ledger.words = None
         if run.link is not None:
             _at_speed(run.link, run.settings.baud or run.family.baud)
-    then = stop(run, reached=reached, turns=turns)
+    then = stop(run, sequence, reached=reached, turns=turns)
     if before is not None:
         then.rows = [{**row, "step": at} for at, row in enumerate([*before.rows, *then.rows], 1)]
     return then

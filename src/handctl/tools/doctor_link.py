@@ -21,6 +21,7 @@ from handctl.model.check_rows import Check
 from handctl.model.result import SLOW, Journal, RoundTrips, hex_bytes
 from handctl.tools.family_probe import BITRATES, FamilyProbe
 from handctl.tools.port_inventory import Machine
+from handctl.tools.scan_report import CONTACT
 from handctl.wording import plural
 
 LISTEN = 0.3
@@ -343,6 +344,8 @@ def _speed(it: LinkChecks) -> Verdict:
     if it.answered:
         only = ", and not at another speed" if it.line.speed_matters else ""
         return "ok", f"the device replies at {first} bit/s{only}"
+    if any(code in it.series.failed for code in CONTACT):
+        return "ok", f"the data that arrives at {link.baud} bit/s is readable, so the baud rate is right"
     if it.wire.speeds:
         return "ok", f"tried at {', '.join(dict.fromkeys(it.wire.speeds))} bit/s as well"
     return _other_speeds(it)
@@ -369,7 +372,10 @@ def _other_speeds(it: LinkChecks) -> Verdict:
             link.set_baud(first)
     failed = it.series.failed
     garbage = sum(failed[code] for code in WRONG_SPEED)
-    text = f"no reply at {', '.join(tried)} either" if tried else "no time was left for other speeds"
+    silent = {*failed} <= {NoAnswer.default_code}
+    text = (
+        f"no reply at {', '.join(tried)}{' either' if silent else ''}" if tried else "no time was left for other speeds"
+    )
     if failed["bad-checksum"] > garbage:
         return "ok", f"replies come at {first} bit/s, with a wrong checksum, {text}"
     if garbage:
@@ -381,6 +387,8 @@ def _other_speeds(it: LinkChecks) -> Verdict:
 def _echo(it: LinkChecks) -> Verdict:
     if it.wire is None:
         return "skipped", "CAN frames are not echoed on a byte level"
+    if "no-echo" in it.series.failed:
+        return "fail", "this device echoes every byte, but no echo arrives"
     if getattr(it.probe, "ECHOES", False):
         return "skipped", "this device echoes every byte"
     if not it.series.echoes:

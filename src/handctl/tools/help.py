@@ -22,7 +22,8 @@ from handctl.model.result import Column, Table
 OPTIONS = "options"
 HOW = (
     "Common options can go anywhere on the line: `handctl -p PORT exo status` is the same as `handctl exo status -p PORT`. "
-    "If you give one twice, the one closest to the command itself wins.\n\n"
+    "If you give one twice, the one closest to the command itself wins. Side by side, the last one wins, but two different -p, -d or "
+    "--id are an error, and so are two different values for an option of a command that writes: handctl never picks one for you.\n\n"
     "Each has an environment variable, such as HANDCTL_PORT for --port, and a key in the configuration file. The command "
     "line comes first, then the environment, then the named device, then the file. Only --assume-identity must be typed.\n\n"
     "Each command accepts only the options listed by its `-h`. For example, a command that only reads has no --dry-run."

@@ -157,7 +157,7 @@ def _nothing(search: Search) -> HandctlError:
     return ProtocolError(f"{name}: data arrived, but no valid reply. {tried}", hint=hint, code="garbage")
 
 
-CONTACT = ("boot-monitor", OTHER_FORM, "bad-length")
+CONTACT = ("boot-monitor", OTHER_FORM, "bad-length", "no-echo")
 """Codes of what is evidently a device of that family, and yet gives no valid reply."""
 SILENCE = Hint(
     "check the power and the cable, and that TX and RX are not swapped and RS-232 is not connected to RS-485. {} waits longer for each reply. For a CAN adapter give "

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
+from functools import partial
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -22,6 +23,7 @@ from handctl.families import FAMILIES, SCAN_ORDER
 from handctl.link import open_link
 from handctl.link.device_lock import OURS, Reached, canonical, hold, remembered
 from handctl.model.result import Journal, Row, Table
+from handctl.model.stop_sequence import TwoParts, stop_sequence_of
 from handctl.stop.stop_command import at_place, each_stopped, is_said, stopped_as, tell_gone, unheard
 from handctl.system.user_folders import config_path
 from handctl.tools.family_probe import family_of, has_speed, probe_of, set_speed, usual_ports, wire_of
@@ -53,8 +55,10 @@ def _stopped(run: Run) -> Table:
     reached: set[tuple[str, int]] = set()
     going, others = [], []
     unknown: list[int] = []
+    parts = None
     if kind:
-        table: Table | None = stopped_as(run, kind, reached)
+        parts = _in_two_parts(run, kind)
+        table: Table | None = stopped_as(run, kind, reached, sequence=parts)
     else:
         going = _set_going(run)
         if going:
@@ -62,8 +66,11 @@ def _stopped(run: Run) -> Table:
             table = each_stopped(run, going, reached)
         else:
             kind = family_at(run)
-            table = stopped_as(run, kind, reached) if kind else None
+            parts = _in_two_parts(run, kind) if kind else None
+            table = stopped_as(run, kind, reached, sequence=parts) if kind else None
         others = list(_used_by_others(run, unknown))
+        if others and parts is not None and parts.paused:  # nothing else is looked for
+            table = stopped_as(run, kind, reached, table, sequence=parts.rest)
         missed, before = None, len(table.rows) if table is not None else 0
         if others and not going and table is not None and table.failure is not None and _missed(table):
             missed, table.failure = table.failure, None
@@ -74,7 +81,7 @@ def _stopped(run: Run) -> Table:
             run.journal.warn("other-device", missed.text)
     # What a command of another user is using is there: nothing else is looked for.
     if table is None or not (others or not _missed(table)):
-        table = _other_stopped(run, kind, table, reached, going=bool(going))
+        table = _other_stopped(run, kind, table, reached, parts=parts, going=bool(going))
     for pid in unknown:
         text = f"another handctl (pid {pid}) is using {run.settings.port}, too, and it is not known what it has set in motion"
         hint = f"end it with `kill {pid}`: it then stops that, as with Ctrl-C"
@@ -83,17 +90,33 @@ def _stopped(run: Run) -> Table:
     return table
 
 
-def _other_stopped(run: Run, kind: str, first: Table | None, reached: set[tuple[str, int]], *, going: bool) -> Table:
+def _in_two_parts(run: Run, kind: str) -> TwoParts | None:
+    """The stop of the family that is expected at a port, paused where nothing replies: before it has been sent at each baud rate and for
+    its whole second, the device that is really there gets its own. None where it is known which one that is."""
+    if run.settings.dry_run or (run.settings.port or "").startswith(OURS):
+        return None
+    return TwoParts(partial(stop_sequence_of, kind))
+
+
+def _other_stopped(
+    run: Run, kind: str, first: Table | None, reached: set[tuple[str, int]], *, parts: TwoParts | None, going: bool
+) -> Table:
     """The stop of the device that is really there, after the `first` one as `kind`; that one where no other is found.
 
     What is kept of a place may be out of date: another device is behind the port now. With `going` a command has set the first
-    one going: then its failure stays. Raises UsageError where nothing tells what to send.
+    one going: then its failure stays. `parts`: what may be left of the first one. Raises UsageError where nothing tells what to send.
     """
-    link = run.settings.port or ""
+    link, expected = run.settings.port or "", run.settings
     failure = first.failure if first is not None else None
     if "id" not in run.sources:
         run.settings = run.settings._replace(id=None)  # the one of the family before, as shipped
     found = _replying_family(run, link)
+    if parts is not None and parts.paused and found in (None, "", kind, FAMILIES[kind].beside):
+        asked, run.settings = run.settings, expected
+        first = stopped_as(run, kind, reached, first, sequence=parts.rest)
+        if not _missed(first):
+            return first
+        failure, run.settings = first.failure, asked
     if first is not None and ((found == kind and not going) or (found, run.settings.id or 1) in reached):
         return first
     then = first

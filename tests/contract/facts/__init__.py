@@ -49,6 +49,21 @@ class Waiting(NamedTuple):
     goes: bool = True
 
 
+class Silent(NamedTuple):
+    """How long a reading command takes to find that nothing replies on one wire.
+
+    options  of the simulator
+    words    of the command line
+    seconds  at the most
+    why      what takes longer than one exchange with its retries
+    """
+
+    options: str = ""
+    words: tuple[str, ...] = ()
+    seconds: float = 2.0
+    why: str = ""
+
+
 HERE = Path()
 
 
@@ -89,6 +104,7 @@ class Facts:
     rows_in   module with COMMANDS, lines with their kinds, and `prepare`, which makes the files that they name
     waiting   states in which something waits for a write that lets it go
     nothing_waits  why there are none
+    silent    how long a silent device takes, on each of its wires
     states_in  module whose `states` makes the states in which a command may meet its devices; "" = at rest, and moving
     """
 
@@ -125,6 +141,7 @@ class Facts:
     waiting: tuple[Waiting, ...] = ()
     nothing_waits: str = ""
     rows_in: str = ""
+    silent: tuple[Silent, ...] = (Silent(),)
     states_in: str = ""
 
     def words(self, command: str, folder: Path) -> list[str]:

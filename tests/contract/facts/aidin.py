@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from tests.contract.facts import Facts
+from tests.contract.facts import Facts, Silent
 from tests.fuzz.decoders import AIDIN_GOODS, AIDIN_LIKELY
 
 FACTS = Facts(
+    silent=(Silent(), Silent("exchange=poll")),
     places=lambda line: [motor.place for motor in line.device.hand.motors],
     near=2000.0,
     forces=frozenset({"currents"}),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.contract.facts import Facts, Passed
+from tests.contract.facts import Facts, Passed, Silent
 
 GCL_GOODS = [
     b"FGET P\r",
@@ -58,6 +58,7 @@ class Gcl:
 
 
 FACTS = Facts(
+    silent=(Silent(seconds=6.0, why="the boot window of 3 s, and seven baud rates"),),
     places=lambda line: [motor.position(line.device.now) for motor in line.device.hand.motors],
     forces=frozenset({"torque-open", "torque-close"}),
     nothing_waits="its set-points act with a movement command only (barrett §5.2.1)",

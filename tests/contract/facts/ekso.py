@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import random
 
-from tests.contract.facts import Facts
+from tests.contract.facts import Facts, Silent
 from tests.ekso.support import frame
 from tests.fuzz.decoders import EKSO_LIKELY, ekso_goods
 from tests.support.scripted import unhex
 
 FACTS = Facts(
+    silent=(Silent(seconds=2.2, why="0.5 s for each reply, and GetTime behind GetData, which a firmware may lack"),),
     nothing_waits="whatever it takes is asked for already, and acts with the next step (ekso §4)",
     writes={
         "set": "step_length=15.5 --operator me",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.contract.facts import Facts, Waiting
+from tests.contract.facts import Facts, Silent, Waiting
 from tests.contract.facts.inspire import inspire
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
@@ -26,6 +26,7 @@ WAITING = Waiting(
     goes=False,
 )
 FACTS = Facts(
+    silent=(Silent(seconds=5.8, why="then the search for late replies and for another baud rate: 4.5 s"),),
     places=_places,
     waiting=(WAITING,),
     writes={

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.contract.facts import Facts, Passed, Waiting
+from tests.contract.facts import Facts, Passed, Silent, Waiting
 from tests.contract.facts.inspire import inspire
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
@@ -67,6 +67,19 @@ WAITING = (
     ),
 )  # fmt: skip
 FACTS = Facts(
+    silent=(
+        Silent(
+            seconds=11.3,
+            why="EB90 and Modbus RTU, in each of them bytes, the words of F1 and those of DG2, then the search for late replies and for another baud rate: 4.5 s",
+        ),
+        Silent(words=("--protocol", "modbus"), seconds=3.5, why="bytes, the words of F1 and those of DG2"),
+        Silent(
+            "bus=modbus-tcp",
+            seconds=2.6,
+            why="0.5 s for each reply, and two questions more, since a firmware may lack one register",
+        ),
+        Silent("bus=can"),
+    ),
     places=_angles,
     waiting=WAITING,
     writes={

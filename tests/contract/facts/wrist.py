@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from tests.contract.facts import Facts
+from tests.contract.facts import Facts, Silent
 from tests.contract.facts.inspire import inspire
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
 STAY = bytes.fromhex("EB 90 01 07 31 0E 04")
 """A write to both angles (wrist §2.1)."""
 FACTS = Facts(
+    silent=(Silent(), Silent("bus=can")),
     places=lambda line: list(line.device.body.angles),
     nothing_waits="its set-points act when they are written: it has no speed, no limit and no command that clears errors (wrist §2.1)",
     writes={

@@ -936,4 +936,22 @@ ROWS = (
         "if not isinstance(bus, SerialBus) or bus.link.replayed:",
         "tests/contract/test_flood.py::test_a_read_ends_in_time",
     ),
+    mistake(
+        "silent-hand-is-asked-for-each-block",
+        "deadline ignored",
+        "handctl.devices.inspire.identity",
+        "IdentityCheck.who",
+        "if self._nobody():",
+        "if False:",
+        "tests/contract/test_silence.py::test_a_silent_device_is_found_silent_by_its_first_exchange",
+    ),
+    mistake(
+        "hand-that-lacks-its-states-is-silent",
+        "false silence",
+        "handctl.devices.inspire.identity",
+        "IdentityCheck.ask",
+        "self._heard = True",
+        "pass",
+        "tests/inspire/test_contact.py::test_a_hand_that_replies_to_any_first_question_is_asked_on",
+    ),
 )

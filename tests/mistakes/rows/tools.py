@@ -143,4 +143,13 @@ ROWS = (
         "return settings",
         "tests/tools/test_service.py::test_all_steps_and_the_one_that_follows_have_one_deadline",
     ),
+    mistake(
+        "prompt-without-an-echo-is-no-reply",
+        "false silence",
+        "handctl.tools.doctor_link",
+        "_speed",
+        "if any(code in it.series.failed for code in CONTACT):",
+        "if False:",
+        "tests/tools/test_doctor.py::test_a_barrett_hand_without_an_echo_has_replied",
+    ),
 )

@@ -13,7 +13,7 @@ from handctl.devices.barrett.gcl import connect_table
 from handctl.devices.barrett.gcl.codec import has_prompt, values
 from handctl.devices.barrett.gcl.connect_table import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
 from handctl.devices.barrett.gcl.line import GclLine
-from handctl.devices.barrett.gcl.session_start import comes_back
+from handctl.devices.barrett.gcl.session_start import comes_back, without_echo
 from handctl.devices.barrett.parameter_map import SPEEDS as SPEEDS
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline
@@ -58,7 +58,13 @@ def probe(
             code="echo" if seen == connect_table.ECHO else "garbage",
             came=came,
         )
-    found = _identity(link, journal, deadline, timeout or READ_TIMEOUT)
+    try:
+        found = _identity(link, journal, deadline, timeout or READ_TIMEOUT)
+    except ProtocolError as exc:
+        unechoed = seen == connect_table.LATE and getattr(exc.__cause__, "code", "") == "echo-differs"
+        if unechoed and b"ERR " in came:  # GCL's word: another device's prompt, such as a boot loader's, has none
+            raise without_echo(link, came) from exc
+        raise
     note = ", was in RealTime" if seen == connect_table.LOOP else ""
     return [{"evidence": found + note}]
 

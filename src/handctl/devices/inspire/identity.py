@@ -176,6 +176,8 @@ class IdentityCheck:
         self._held = held
         self._memory: dict[tuple[str, Span], bytes | None] = {}
         self._failure: HandctlError | None = None
+        self._heard = False
+        self._patiently: set[tuple[str, Span]] = set()
         self.evidence = ""
         self.in_part = False
         """Whether only a part shows who it is: enough to read."""
@@ -206,6 +208,9 @@ class IdentityCheck:
             own.family == BYTE_HAND.family
         ):  # with a wrist on it or not: it is the hand's own flag that is asked and written
             kind = self.shown_by(states)
+            if self._nobody():
+                assert self._failure is not None
+                raise self._failure
         elif own is WRIST:  # flag 30 is nobody else's: its answer is enough
             kind = self.shown_by(wrist) or (self.shown_by(MORE_WRIST) if self._silent else None)
             if kind is None and self._silent:
@@ -250,6 +255,20 @@ class IdentityCheck:
         failure = self._failure
         return failure is None or isinstance(failure, DeviceRefused) or failure.code in (*UNHEARD, self._bus.fewer)
 
+    def _nobody(self) -> bool:
+        """Whether no byte comes at all: neither for a first question to a map of bytes nor for that to each map of words.
+
+        What is then asked of a hand that lacks one register or another has no reply either.
+        """
+        if self._failure is None or self._failure.code != NoAnswer.default_code or self._heard:
+            return False
+        for span in self._bus.first_questions:
+            self.ask("hand", span)
+        for sign in TABLE[4:]:
+            if self._bus.wire in sign.kind.wires and not self._heard:
+                self.ask(sign.space, sign.reads[0], due=True)
+        return not self._heard
+
     @property
     def unheard(self) -> HandctlError | None:
         """Why the first question was not understood by anybody: silence, or only our own bytes."""
@@ -276,7 +295,7 @@ class IdentityCheck:
         due  it gets the patience of any read, and is asked again where it was silent: a busy computer hears late
         """
         known = self._memory.get((space, span))
-        if known is not None or ((space, span) in self._memory and not due):
+        if known is not None or ((space, span) in self._memory and (not due or (space, span) in self._patiently)):
             return known
         bus = self._bus.at(space)
         if self._held is not None and bus.read_flag == self._bus.read_flag and (data := self._held(*span)) is not None:
@@ -295,9 +314,11 @@ class IdentityCheck:
                     if not at_work(exc) or not left:
                         raise
                     bus.pause(AT_WORK_SECONDS)
+            self._heard = True
             if first and bus.link.now() - started > bus.timeout:
                 self._confirm(bus)
         except (NoAnswer, ProtocolError, DeviceRefused) as exc:
+            self._heard = self._heard or exc.code != NoAnswer.default_code
             if exc.code == "late" or at_work(exc) or self._bus.over:
                 raise  # --deadline has passed: nothing that was not answered shows anything
             if first:
@@ -307,6 +328,7 @@ class IdentityCheck:
         if first:
             self._bus.round_trip = bus.round_trip
         self._memory[space, span] = data
+        self._patiently |= {(space, span)} if first or due else set()
         return data
 
     def _again(self, space: str, span: Span) -> bytes | None:

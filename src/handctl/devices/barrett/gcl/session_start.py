@@ -251,8 +251,7 @@ class SessionStart:
             text = f"{link.name}: our own bytes come back at {table.MONITOR_SPEED} bit/s, but not at {table.LOOP_SPEED}: {table.MONITOR_TEXT}. Nothing more was sent"
             return NotRunning(text, hint=joined(REMEDY, TELL_APART))
         if end == table.ECHOLESS:
-            text = f"{link.name}: a prompt arrives {tried}, but no echo of the request, so a reply cannot be matched with its request: {self.tried[-1][1][:24].hex(' ').upper()}"
-            return ProtocolError(text, hint=NO_ECHO, code="no-echo", came=self.tried[-1][1])
+            return without_echo(link, self.tried[-1][1])
         if end in (table.WIRE, table.GARBAGE):
             echo = end == table.WIRE or not came.strip(ABORT + CR + b"!\0")
             if echo and not link.can_set_baud:
@@ -268,6 +267,13 @@ class SessionStart:
                 came=came,
             )
         return NoAnswer(f"{link.name}: no reply {tried}", hint=f"{table.SILENCE}. {BUSY_HINT}")
+
+
+def without_echo(link: ByteLink, came: bytes) -> ProtocolError:
+    """The error of a hand that replies at the present baud rate, and does not echo: `came` is its reply."""
+    at = f"at {link.baud} bit/s" if link.can_set_baud else "on this link"
+    text = f"{link.name}: a prompt arrives {at}, but no echo of the request, so a reply cannot be matched with its request: {came[:24].hex(' ').upper()}"
+    return ProtocolError(text, hint=NO_ECHO, code="no-echo", came=came)
 
 
 def comes_back(link: ByteLink) -> bool:

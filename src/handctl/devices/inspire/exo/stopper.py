@@ -26,7 +26,7 @@ from handctl.devices.inspire.stop_requests import (
 )
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stop_repetition import attempts, behind, repeat_until_answered
+from handctl.model.stop_repetition import HoldTries, behind, repeat_until_answered
 from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, StopSequence, StopStep
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
@@ -59,7 +59,8 @@ def stop_steps(context: StopContext) -> StopSequence:
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late, verdict = "", False, None
     answers: Pieces = []
-    for _ in range(attempts(context)):
+    tries = HoldTries(context)
+    while tries.another():
         heard = yield from repeat_until_answered(context, force, lambda pieces: answer(pieces, told), ahead=wire.first)
         came += heard.came
         if heard.found is None:
@@ -68,6 +69,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         axes = Axes(FINGERS, places, [hold_place(place) for place in places])
         step, taken, meaning = hold(wire, axes.targets)
         action = StopStep(step, 0.0, lambda pieces, taken=taken: taken(pieces) == TAKEN)  # type: ignore[misc]
+        tries.sent(heard)
         answers = yield from behind(context, heard, action)
         verdict = taken(answers)
         if verdict != TAKEN:

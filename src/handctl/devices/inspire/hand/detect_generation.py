@@ -55,7 +55,7 @@ class Found(NamedTuple):
 def detect(bus: RegisterBus, other: RegisterBus | None = None) -> Found:
     """Who answers to the id of `bus`. Raises NoAnswer, ProtocolError where nobody answers as a hand does, LinkError.
 
-    other  a second wire of the same line: who is silent here and answers there is not asked on, which takes 7 s
+    other  a second wire of the same line: who is silent here and answers there is not asked on, which takes seconds
     """
     bus = bus.at("hand")
     bus.per = 1

@@ -27,7 +27,7 @@ from handctl.devices.inspire.stop_requests import (
 )
 from handctl.devices.inspire.wrist.register_map import PITCH_RANGE, WRIST, YAW_RANGE
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
-from handctl.model.stop_repetition import StepResult, after_late_replies, attempts, behind, repeat_until_answered
+from handctl.model.stop_repetition import HoldTries, StepResult, after_late_replies, behind, repeat_until_answered
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep
 
 ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
@@ -54,7 +54,8 @@ def stop_steps(context: StopContext) -> StopSequence:
     answers: Pieces = []
     meaning, taken, wire = "", None, Wire(context, CAN if context.can else EB90, wrist=True)
     asked, found = wire.asking(ANGLES, 4)
-    for _ in range(attempts(context)):
+    tries = HoldTries(context)
+    while tries.another():
         told = yield from repeat_until_answered(context, asked, found, after=told, reads=True)
         if told.found is None:
             return _unanswered(told.came)
@@ -68,6 +69,7 @@ def stop_steps(context: StopContext) -> StopSequence:
         first = WRIST[f"{held[-1][0]}_set"].address
         step, verdict = wire.writing(first, eb90.pack_s16([target for _, target in reversed(held)]), meaning)
         action = StopStep(step, 0.0, lambda came, verdict=verdict: verdict(came) == TAKEN)  # type: ignore[misc]
+        tries.sent(told)
         answers = yield from behind(context, told, action)
         taken = verdict(answers)
         if taken == TAKEN:
