@@ -12,7 +12,12 @@ from pathlib import Path
 import pytest
 
 from handctl.errors import LinkError
+from handctl.link import NoLink, RawAccess
+from handctl.link.deadman import guard_link
 from handctl.link.serial import SerialLink
+from handctl.model.stop_sequence import found_again
+from handctl.system import deadman_process
+from handctl.system.deadman_process import DeadmanChild, Job
 from tests.support.cli import run
 from tests.support.each_row import each_row
 
@@ -20,7 +25,9 @@ READY = "clock=virtual&initialized=1"
 MOVES = {
     "exo": ("exo position 0 0 0 0 0 --wait 5 -y", "fake://exo?clock=virtual", 0.3),
     "wrist": ("wrist move --pitch 20 --time 3000", "fake://wrist?clock=virtual", 0.5),
+    "wrist on CAN": ("wrist move --pitch 20 --time 3000", "fake://wrist?bus=can&clock=virtual", 0.5),
     "hand": ("hand angle 0 0 0 0 0 0 --wait 5 -y", "fake://hand?clock=virtual", 0.25),
+    "hand on CAN": ("hand angle 0 0 0 0 0 0 --wait 5 -y", "fake://hand?bus=can&clock=virtual", 0.25),
     "barrett": ("barrett close", f"fake://barrett?{READY}", 0.7),
     "realtime": ("barrett realtime --motors 1 --velocity 20 --duration 3", f"fake://barrett?{READY}", 0.7),
     "aidin": ("aidin currents index.m1=50 -y", "fake://aidin?clock=virtual", 1.0),
@@ -29,15 +36,17 @@ MOVES = {
 STOPS = {
     "exo": "all forces to 0",
     "wrist": "stay at",
+    "wrist on CAN": "stay at",
     "hand": "speed of every finger to 0",
+    "hand on CAN": "speed of every finger to 0",
     "barrett": "^C",
     "realtime": "T at 9600 bit/s",
     "aidin": "stop, sent",
 }
 
 
-ASKS = {"exo": "04 30", "wrist": "04 30", "hand": "04 11"}
-"""Flags of the question that goes out before the stop: the name of a port may lead to another device by then."""
+ASKS = {"exo": "04 30", "wrist": "04 30", "wrist on CAN": "can 10FF0001 [1] 04", "hand": "04 11"}
+"""The question that goes out before the stop, or its flags: the name of a port may lead to another device by then."""
 
 
 @each_row("move", MOVES)
@@ -57,6 +66,65 @@ def test_of_a_port_that_stays_away_nothing_is_said_to_have_stopped(move: str) ->
     words, link, at = MOVES[move]
     result = run(*words.split(), "-p", f"{link}&unplug={at}:90", "--json")
     assert result.code == 3 and "has stopped" not in result.err and "power off" in result.err, result
+
+
+@each_row("move", MOVES)
+def test_a_stop_that_no_port_took_is_not_listed_as_sent(move: str, tmp_path: Path) -> None:
+    """Nor does the transcript have it, and played again the command ends in the same way."""
+    words, link, at = MOVES[move]
+    trace = tmp_path / "trace"
+    result = run(*words.split(), "-p", f"{link}&unplug={at}:90", "--json", "--trace", str(trace))
+    writes = (result.stream[1] if move == "realtime" else result.json)["writes"]
+    first = "^C" if move == "realtime" else STOPS[move]
+    stops = {one["state"] for one in writes if first in one["meaning"]}
+    assert stops <= {"not-sent"} and (stops or "wrist" in move), writes
+    lines = trace.read_text().splitlines()
+    lost = next(number for number, line in enumerate(lines) if line.endswith("! disconnect"))
+    assert not [line for line in lines[lost:] if " > " in line], lines[lost:]
+    again = run(*words.split(), "-p", f"replay:{trace}", "--json")
+    assert again.code == 3 and "replay-miss" not in again.out, again
+
+
+class Bouncing(NoLink):
+    """A link with a descriptor, lost and back with another one."""
+
+    def __init__(self, back: bool) -> None:
+        self.access: RawAccess | None = RawAccess(41)
+        self.back = back
+        self.guarded: list[bool] = []
+
+    def raw_access(self) -> RawAccess | None:
+        return self.access
+
+    def reconnect(self, seconds: float) -> bool:
+        self.guarded.append(self.guard.pid is not None)
+        self.access = RawAccess(42) if self.back else None
+        if not self.back:
+            raise LinkError("still gone")
+        return True
+
+
+@each_row("back", [True, False])
+def test_the_second_process_lets_go_of_the_lost_port_and_has_the_new_one(
+    back: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As long as anybody has a lost USB port open, the system gives the adapter that comes back another name."""
+    jobs: list[int] = []
+
+    def started(job: Job) -> DeadmanChild:
+        jobs.append(job.way)
+        return DeadmanChild(4711, -1, -1)
+
+    monkeypatch.setattr(deadman_process, "can_be", lambda: True)
+    monkeypatch.setattr(deadman_process, "started", started)
+    monkeypatch.setattr(deadman_process, "ended", lambda _child: None)
+    link = Bouncing(back)
+    with guard_link(link, print, print), guard_link(link, repr, print):
+        assert jobs == [41, 41] and link.guard.pid == 4711
+        assert found_again(link) is back and link.elsewhere is back
+        assert link.guarded == [False]
+        assert jobs[2:] == [42] * back
+    assert jobs[3:] == [42] * back, "and so has the outer one"
 
 
 @pytest.mark.real

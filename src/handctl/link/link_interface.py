@@ -5,9 +5,9 @@ from __future__ import annotations
 from _thread import get_ident
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from handctl.errors import LinkError, UsageError
+from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.fast_classes import NamedTuple
 from handctl.system import clock
 from handctl.wording import frame_text, plural
@@ -46,6 +46,15 @@ class CanFrame(NamedTuple):
 
     def __str__(self) -> str:
         return frame_text(self.data, self.can_id)
+
+
+E = TypeVar("E", bound=HandctlError)
+
+
+def unsent(error: E, certain: bool = True) -> E:
+    """The error of a frame that the link did not take: the record of writes then lists it as not sent."""
+    error.unsent = certain
+    return error
 
 
 STALE_READS = 1000
@@ -107,6 +116,7 @@ class Link(ABC):
     silenced  nothing is sent any more, see `block_sending`
     over      nothing can come any more: a transcript that has been played to its end
     guard     the child that stops the device if this process dies (`deadman`), None = none
+    elsewhere it was lost and opened again for a stop: its name may lead to another device by now
     """
 
     name: str = ""
@@ -118,6 +128,7 @@ class Link(ABC):
     overheard: bool = False
     silenced: bool = False
     guard: Any = None
+    elsewhere: bool = False
 
     at_once = Deadline(float, float("-inf"))
     """Over on any clock: for what has arrived, without a wait."""
@@ -165,12 +176,12 @@ class Link(ABC):
         """
         return False
 
-    def look_for(self, seconds: float) -> bool:
+    def look_for(self, seconds: float, reopen: Callable[[], bool]) -> bool:
         """`reopen` a port that may come back within `seconds`, as a stop needs it. Raises LinkError where it does not."""
         bound = self.deadline(seconds)
         while True:
             try:
-                return self.reopen()
+                return reopen()
             except LinkError:
                 if bound.expired:
                     raise

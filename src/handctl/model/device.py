@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
@@ -32,12 +32,12 @@ from handctl.model.param import PUSHES, Changes, Element, Number, Param, ParamMa
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c, stopped_by_error
 from handctl.model.stop_sequence import (
-    RECONNECT_SECONDS,
     StopContext,
     Stopped,
     StopPlan,
     StopSequence,
     context_for_link,
+    found_again,
     run_stop,
     stop_sequence_of,
 )
@@ -289,8 +289,6 @@ class Device(ABC):
         self._line = line
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
-        self._elsewhere = False
-        """The link was lost and opened again for a stop: its name may lead to another device by now."""
 
     @property
     def link(self) -> Link:
@@ -350,7 +348,7 @@ class Device(ABC):
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
         settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
-        context = context_for_link(self.link, settings)._replace(fixed=True, proven=not self._elsewhere)
+        context = context_for_link(self.link, settings)._replace(fixed=True, proven=not self.link.elsewhere)
         going = tuple(one for one in self.journal.ledger.going if one is not None)
         return context if going in ((), ((self.kind, context.number),)) else context._replace(going=going)
 
@@ -416,11 +414,7 @@ class Device(ABC):
     def reached_again(self, stop: Callable[[], Stopped]) -> Stopped:
         """The result of `stop`, once more where the connection was lost and could be opened again. Never raises."""
         stopped = stop()
-        with suppress(LinkError):
-            if stopped.error is LinkError and self.link.reconnect(RECONNECT_SECONDS):
-                self._elsewhere = True
-                return stop()
-        return stopped
+        return stop() if stopped.error is LinkError and found_again(self.link) else stopped
 
     # -- reading -------------------------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 WRITE_SECONDS = 1.0
 RECONNECT_SECONDS = 1.0
-"""How long a connection that was lost is opened again for a stop."""
+"""How long a link that was lost is looked for, and a connection opened again, for a stop."""
 SILENCE = 0.3
 """Seconds without sending before a stopped device is checked again, and between two readings of its position.
 
@@ -356,6 +356,20 @@ class StopExchange:
             if len(sent) > place:
                 sent[place] = sent[place]._replace(came=b"".join(pieces))
         return pieces
+
+
+def found_again(link: Link) -> bool:
+    """Whether a link that was lost could be opened again for a stop; who is there is asked anew then. Never raises."""
+    guard, found = link.guard, False
+    if guard is not None:
+        guard.disarm()  # it keeps the lost port open: an adapter that is plugged in again gets another name then
+    with suppress(LinkError):
+        found = link.reconnect(RECONNECT_SECONDS)
+    link.elsewhere = link.elsewhere or found
+    if guard is not None:
+        with suppress(LinkError):
+            guard.follow(link.raw_access())
+    return found
 
 
 def context_for_link(link: Link, settings: Settings) -> StopContext:

@@ -11,7 +11,10 @@ WHICH = "tests/stop/test_which_device.py::"
 OTHER = "another device is stopped, and the one that is meant moves on"
 MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 SEVERAL = "tests/stop/test_several_in_motion.py::test_"
-LOST_PORT = "tests/stop/test_lost_port.py::test_the_stop_goes_out_over_a_port_that_comes_back"
+LOST = "tests/stop/test_lost_port.py::test_"
+LOST_PORT = f"{LOST}the_stop_goes_out_over_a_port_that_comes_back"
+LOST_CAN = "tests/link/test_can_lost.py::test_"
+CAN = "handctl.link.can"
 LIBRARY = "handctl.command.library_call"
 AGAIN = "return asked_again and access is not None and "
 
@@ -64,11 +67,119 @@ ROWS = (
     mistake(
         "port-that-came-back-is-believed",
         OTHER,
-        "handctl.model.device",
-        "Device.reached_again",
-        "self._elsewhere = True",
+        TALK,
+        "found_again",
+        "link.elsewhere = link.elsewhere or found",
         "pass",
         LOST_PORT,
+    ),
+    mistake(
+        "second-process-keeps-the-lost-port",
+        "the adapter that is plugged in again gets another name, and no stop",
+        TALK,
+        "found_again",
+        "guard.disarm()  # it keeps the lost port open: an adapter that is plugged in again gets another name then",
+        "pass",
+        f"{LOST}the_second_process_lets_go_of_the_lost_port_and_has_the_new_one",
+    ),
+    mistake(
+        "second-process-writes-to-the-descriptor-of-the-lost-port",
+        "another file gets the stop",
+        "handctl.link.deadman",
+        "Guard.follow",
+        "guard._raw_access, guard = raw_access, guard.outer",
+        "guard = guard.outer",
+        f"{LOST}the_second_process_lets_go_of_the_lost_port_and_has_the_new_one",
+    ),
+    mistake(
+        "frame-that-no-link-took-is-listed-as-sent",
+        "ledger lies",
+        "handctl.link.transcript",
+        "_overheard",
+        "if not unsent:  # else it may have reached the device",
+        "if True:",
+        f"{LOST}a_stop_that_no_port_took_is_not_listed_as_sent",
+    ),
+    mistake(
+        "part-of-a-frame-is-taken-for-none-of-it",
+        "ledger lies",
+        "handctl.link.serial",
+        "SerialLink._write_fd",
+        "raise unsent(self._lost(exc), rest == data) from exc",
+        "raise unsent(self._lost(exc)) from exc",
+        "tests/link/test_links.py::test_a_frame_of_which_a_lost_link_took_nothing_is_known_not_to_be_sent",
+    ),
+    mistake(
+        "part-of-a-packet-is-taken-for-none-of-it",
+        "ledger lies",
+        "handctl.link.tcp",
+        "TcpLink.write",
+        "raise unsent(self._lost(exc), len(view) == len(data)) from exc",
+        "raise unsent(self._lost(exc)) from exc",
+        "tests/link/test_links.py::test_a_frame_of_which_a_lost_link_took_nothing_is_known_not_to_be_sent",
+    ),
+    mistake(
+        "can-adapter-that-bounced-stays-lost",
+        "the device moves on, although its adapter was back at once",
+        CAN,
+        "CanLink.reconnect",
+        "return self.look_for(seconds, self._open_again)",
+        "return False",
+        f"{LOST_CAN}an_adapter_that_is_back_takes_the_stop",
+    ),
+    mistake(
+        "queue-that-is-full-is-dropped-with-the-stop-in-it",
+        "stop not sent",
+        CAN,
+        "CanLink.reconnect",
+        'if "://" in self._channel or not (self._gone or self._is_gone()):',
+        "if False:",
+        f"{LOST_CAN}a_bus_that_takes_no_frame_is_no_lost_adapter",
+    ),
+    mistake(
+        "vendors-library-is-believed-to-have-sent-nothing",
+        "ledger lies",
+        CAN,
+        "CanLink.send",
+        "raise unsent(self._not_sent(exc), self._takes_whole()) from exc",
+        "raise unsent(self._not_sent(exc)) from exc",
+        f"{LOST_CAN}a_bus_that_takes_no_frame_is_no_lost_adapter",
+    ),
+    mistake(
+        "another-can-adapter-gets-the-stop",
+        OTHER,
+        CAN,
+        "CanLink._open_again",
+        "if self._slcan is not None and self._slcan.adapter != self.adapter:",
+        "if False:",
+        f"{LOST_CAN}another_adapter_in_its_place_gets_no_frame",
+    ),
+    mistake(
+        "can-interface-that-is-still-down-counts-as-back",
+        "stop not sent",
+        CAN,
+        "CanLink._open_again",
+        'if self._interface == "socketcan" and not _is_up(self._channel):',
+        "if False:",
+        f"{LOST_CAN}an_interface_that_is_back_and_down_is_waited_for",
+    ),
+    mistake(
+        "bus-that-is-gone-is-still-used",
+        "another file gets the stop",
+        CAN,
+        "CanLink._open_again",
+        "self._bus, self._slcan, self._raw_access = _NO_BUS, None, None",
+        "pass",
+        f"{LOST_CAN}an_adapter_that_stays_away_is_looked_for_no_longer_than_asked",
+    ),
+    mistake(
+        "port-of-a-lost-can-adapter-stays-open",
+        "the adapter that is plugged in again gets another name, and no stop",
+        "handctl.link.slcan",
+        "SlcanBus.shutdown",
+        "self.serialPortOrig.close()",
+        "pass",
+        f"{LOST_CAN}a_port_of_an_adapter_that_is_gone_is_closed",
     ),
     mistake(
         "movement-of-a-barretthand-goes-on-behind-a-lost-port",
