@@ -8,16 +8,22 @@ from __future__ import annotations
 import os
 import threading
 from pathlib import Path
+from typing import Any
+from unittest import mock
 
 import pytest
 
+import handctl
 from handctl.errors import LinkError
 from handctl.link import NoLink, RawAccess
 from handctl.link.deadman import guard_link
+from handctl.link.fake import FakeLink
 from handctl.link.serial import SerialLink
 from handctl.model.stop_sequence import found_again
 from handctl.system import deadman_process
 from handctl.system.deadman_process import DeadmanChild, Job
+from tests.stop.bench import noting_access
+from tests.support.bus_file import text
 from tests.support.cli import run
 from tests.support.each_row import each_row
 
@@ -83,6 +89,88 @@ def test_a_stop_that_no_port_took_is_not_listed_as_sent(move: str, tmp_path: Pat
     assert not [line for line in lines[lost:] if " > " in line], lines[lost:]
     again = run(*words.split(), "-p", f"replay:{trace}", "--json")
     assert again.code == 3 and "replay-miss" not in again.out, again
+
+
+# -- what an earlier line has left moving -----------------------------------------------------------------------------
+
+GO = "exo position 900 900 900 900 900 -y"
+ASK, FORCES_0 = "EB 90 01 04 30", "EB 90 01 0B 31"
+"""How the question and the first step of the stop begin."""
+
+
+def after(trace: Path, event: str) -> list[str]:
+    """What was sent behind this event."""
+    lines = trace.read_text().partition(f"! {event}")[2].splitlines()
+    return [line.partition(" > ")[2] for line in lines if " > " in line]
+
+
+def begins(frames: list[str], *starts: str) -> bool:
+    return len(frames) >= len(starts) and all(map(str.startswith, frames, starts))
+
+
+@each_row(("line", "away", "code", "stopped"), [
+    ("exo status", "1:0.9", 3, True),
+    (f"{GO} --wait 5", "1:0.9", 3, True),
+    ("exo stop", "1:0.9", 0, True),
+    ("exo status", "1:90", 3, False),
+    ("exo watch --count 50", "1.5:0.4", 3, True),
+    ("exo watch --count 50", "1.5:90", 3, False),
+])  # fmt: skip
+def test_what_an_earlier_line_has_left_moving_is_stopped_over_a_port_that_comes_back(
+    line: str, away: str, code: int, stopped: bool, tmp_path: Path
+) -> None:
+    """Whether the port was lost between two lines or within one: who is there is asked, and nothing else goes out before the stop."""
+    trace = tmp_path / "trace"
+    link = f"fake://exo?clock=virtual&unplug={away}"
+    script = f"{GO}\nsleep 1.2\n{line}\nexo set id=7 -y"
+    result = run("batch", "-p", link, "--json", "--trace", str(trace), stdin=script)
+    assert result.code == code, result
+    assert begins(after(trace, "reconnect"), *[ASK, FORCES_0] * stopped), trace.read_text()
+    if code:
+        assert result.stream[1]["lines"] == 3, "the line behind it is not begun"
+        assert ("handctl has stopped what earlier" in result.err) is stopped, result
+        assert ("power off" in result.err) is not stopped
+
+
+def test_each_device_that_was_left_moving_is_stopped_over_a_port_that_comes_back(tmp_path: Path) -> None:
+    file = tmp_path / "bus.toml"
+    file.write_text(text("clean", [{"kind": "exo", "id": 1}, {"kind": "exo", "id": 2}], unplug="1:0.9"))
+    trace = tmp_path / "trace"
+    script = f"{GO} --id 1\n{GO} --id 2\nsleep 1.2\nexo status --id 1"
+    result = run("batch", "-p", f"fake://bus?file={file}&clock=virtual", "--trace", str(trace), stdin=script)
+    forces = [frame for frame in after(trace, "reconnect") if frame[12:14] == "31"]
+    assert result.code == 3 and {frame[:8] for frame in forces} == {"EB 90 01", "EB 90 02"}, result
+    assert all(f"xo id {number}: the hand acknowledged" in result.err for number in (1, 2)), result
+
+
+@each_row("way", ["ctrl-c", "asked"])
+def test_a_stop_between_two_lines_goes_out_over_a_port_that_comes_back(way: str, tmp_path: Path) -> None:
+    """By Ctrl-C, and by the wish of another process: who is there is asked anew."""
+    trace, told = tmp_path / "trace", list[Any]()
+    time_passes = FakeLink.sleep
+
+    def pressed(link: FakeLink, seconds: float) -> None:
+        time_passes(link, 1.2 if seconds == 30 else seconds)
+        if seconds == 30 and not told:
+            told.append(access[-1].stop("asked") if way == "asked" else None)
+            raise KeyboardInterrupt
+
+    link = "fake://exo?clock=virtual&unplug=1:0.9"
+    with noting_access() as access, mock.patch.object(FakeLink, "sleep", pressed):
+        result = run("batch", "-p", link, "--json", "--trace", str(trace), stdin=f"{GO}\nsleep 30")
+    assert result.code == 130, result
+    assert begins(after(trace, "reconnect"), ASK, FORCES_0), trace.read_text()
+
+
+def test_a_program_hears_of_the_stop_and_its_next_call_opens_the_link_again() -> None:
+    with handctl.connect("exo", "fake://exo?clock=virtual&unplug=1:0.9") as hand:
+        hand.position(900, 900, 900, 900, 900, confirm=True)
+        link = hand._line.last.link
+        link.sleep(1.2)
+        with pytest.raises(LinkError, match="handctl has stopped what earlier") as caught:
+            hand.get("id")
+        assert caught.value.code == "lost"
+        assert hand.get("id")[0]["value"] == 1
 
 
 class Bouncing(NoLink):

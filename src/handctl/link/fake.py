@@ -260,8 +260,10 @@ class FakeFrames(_Simulated, FrameLink):
 
     def reconnect(self, seconds: float) -> bool:
         self._line.advance(self.now())
+        if not self._line.hung_up:
+            return False
         self._arrived.clear()
-        return self._line.hung_up and self.look_for(seconds, self._plugged_in)
+        return self.look_for(seconds, self._plugged_in)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         now = self.now()

@@ -13,6 +13,8 @@ MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 SEVERAL = "tests/stop/test_several_in_motion.py::test_"
 LOST = "tests/stop/test_lost_port.py::test_"
 LOST_PORT = f"{LOST}the_stop_goes_out_over_a_port_that_comes_back"
+LEFT = f"{LOST}what_an_earlier_line_has_left_moving_is_stopped_over_a_port_that_comes_back"
+SESSION = "handctl.command.connection"
 LOST_CAN = "tests/link/test_can_lost.py::test_"
 CAN = "handctl.link.can"
 LIBRARY = "handctl.command.library_call"
@@ -72,6 +74,61 @@ ROWS = (
         "link.elsewhere = link.elsewhere or found",
         "pass",
         LOST_PORT,
+    ),
+    mistake(
+        "what-a-line-left-moving-goes-on-behind-a-port-lost-in-the-next",
+        "the device moves on, although its port was back at once",
+        "handctl.command.run",
+        "Run.close",
+        "self.session.stop_lost(self.connection, ended, self.prompts)",
+        "pass",
+        LEFT,
+    ),
+    mistake(
+        "what-a-line-left-moving-goes-on-behind-a-port-lost-before-the-next",
+        "the device moves on, although its port was back at once",
+        SESSION,
+        "Session.connection",
+        "self.stop_lost(known, exc, run.prompts)",
+        "pass",
+        LEFT,
+    ),
+    mistake(
+        "script-goes-on-behind-a-stop-that-it-does-not-know-of",
+        "the next line moves a device that was stopped",
+        SESSION,
+        "Session.connection",
+        "if moved and not run.stops:",
+        "if False:",
+        LEFT,
+    ),
+    mistake(
+        "what-a-line-left-moving-is-believed-to-be-behind-the-port-that-came-back",
+        OTHER,
+        SESSION,
+        "Mover.plan_on",
+        "if link is None or (link is self.met and not link.elsewhere):",
+        "if True:",
+        LEFT,
+        f"{LOST}a_stop_between_two_lines_goes_out_over_a_port_that_comes_back",
+    ),
+    mistake(
+        "ctrl-c-between-two-lines-is-lost-with-the-port",
+        "the device moves on, although its port was back at once",
+        SESSION,
+        "Session._find_again",
+        "found_again(known.link)",
+        "pass",
+        f"{LOST}a_stop_between_two_lines_goes_out_over_a_port_that_comes_back",
+    ),
+    mistake(
+        "stop-that-another-process-asks-for-is-lost-with-the-port",
+        "the device moves on, although its port was back at once",
+        "handctl.stop.device_access",
+        "DeviceAccess._stop",
+        "if stopped.error is LinkError and found_again(self.link):",
+        "if False:",
+        f"{LOST}a_stop_between_two_lines_goes_out_over_a_port_that_comes_back",
     ),
     mistake(
         "second-process-keeps-the-lost-port",
@@ -1100,7 +1157,7 @@ ROWS = (
         "stop not sent",
         "handctl.command.connection",
         "Session.watch_over",
-        "self._guard_with(connection, mover.plan, run.journal)",
+        "self._guard_with(connection, mover.plan_on(connection.link), run.journal)",
         "pass",
         f"{SEVERAL}the_guard_of_a_batch_outlasts_a_line_that_uses_another_device",
     ),
