@@ -6,7 +6,14 @@ On python-can's `virtual` interface, and on a simulated slcan adapter behind a p
 from __future__ import annotations
 
 import errno
+import os
+import select
+import subprocess
+import time
+import tty
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import can
@@ -19,7 +26,7 @@ from handctl.link.can import CanLink
 from handctl.link.slcan import SlcanBus
 from handctl.sim import create
 from handctl.sim.engine.slcan import Adapter
-from tests.support.cli import PATIENCE, run
+from tests.support.cli import PATIENCE, clean_environment, run, start
 from tests.support.each_row import each_row
 from tests.support.virtual import Clock, virtual_time
 
@@ -295,3 +302,42 @@ def test_a_port_of_an_adapter_that_is_gone_is_closed(time_jumps: Clock, monkeypa
     with pytest.raises(can.CanOperationError):
         bus.shutdown()
     assert not port.is_open
+
+
+@pytest.mark.real
+def test_the_stop_of_a_process_with_its_guard_goes_out_over_a_terminal_that_comes_back(tmp_path: Path) -> None:
+    """The adapter goes behind the tenth question of a movement, and is back under its name at once."""
+    name = tmp_path / "tty"
+    adapter = Adapter(create("wrist", {"bus": "can"}))
+    began, heard, ends = time.monotonic(), [b"", b""], list[int]()
+
+    def plug() -> None:
+        ends[:] = os.openpty()
+        tty.setraw(ends[1])
+        name.symlink_to(os.ttyname(ends[1]))
+
+    def serve(part: int, until: Callable[[], bool]) -> None:
+        while not until():
+            adapter.advance(time.monotonic() - began)
+            if select.select([ends[0]], [], [], 0.002)[0]:
+                with suppress(OSError):
+                    heard[part] += (data := os.read(ends[0], 4096))
+                    adapter.feed(data)
+            os.write(ends[0], adapter.take())
+
+    plug()
+    words = ("wrist", "move", "--pitch", "20", "--time", "5000", "-p", f"can:slcan:{name}", "--json")
+    with start(words, clean_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        serve(0, lambda: heard[0].partition(b"T1504")[2].count(b"T10FF") >= 10 or process.poll() is not None)
+        for end in ends:
+            os.close(end)
+        name.unlink()
+        adapter.reconnect()
+        plug()
+        serve(1, lambda: process.poll() is not None)
+        told = process.communicate(timeout=PATIENCE)
+    for end in ends:
+        os.close(end)
+    assert process.returncode == 3, told
+    frames = [line for line in heard[1].split(b"\r") if line.startswith(b"T")]
+    assert frames[0] == b"T10FF0001104" and frames[1].startswith(b"T150380014"), (frames, told)

@@ -6,6 +6,7 @@ A contact that bounces, or a hub that starts anew, brings an adapter back under 
 from __future__ import annotations
 
 import os
+import pickle
 import threading
 from pathlib import Path
 from typing import Any
@@ -16,10 +17,11 @@ import pytest
 import handctl
 from handctl.errors import LinkError
 from handctl.link import NoLink, RawAccess
-from handctl.link.deadman import guard_link
+from handctl.link.deadman import RawBytes, guard_link
 from handctl.link.fake import FakeLink
 from handctl.link.serial import SerialLink
-from handctl.model.stop_sequence import found_again
+from handctl.model.command_settings import Settings
+from handctl.model.stop_sequence import StopContext, StopPlan, found_again
 from handctl.system import deadman_process
 from handctl.system.deadman_process import DeadmanChild, Job
 from tests.stop.bench import noting_access
@@ -210,9 +212,38 @@ def test_the_second_process_lets_go_of_the_lost_port_and_has_the_new_one(
     with guard_link(link, print, print), guard_link(link, repr, print):
         assert jobs == [41, 41] and link.guard.pid == 4711
         assert found_again(link) is back and link.elsewhere is back
-        assert link.guarded == [False]
+        assert link.guarded == [False] and (link.access is None or link.access.elsewhere)
         assert jobs[2:] == [42] * back
     assert jobs[3:] == [42] * back, "and so has the outer one"
+
+
+@each_row(("kind", "elsewhere", "first"), [
+    ("exo", False, "all forces to 0"), ("exo", True, "ask who is there"),
+    ("wrist", False, "read where it is, or is to be"), ("wrist", True, "ask who is there"),
+])  # fmt: skip
+def test_the_second_process_asks_anew_who_is_there_behind_a_port_that_came_back(
+    kind: str, elsewhere: bool, first: str
+) -> None:
+    """On Windows it gets its job pickled."""
+    context = StopContext(Settings(), speed=115200, proven=True)
+    access, plan = pickle.loads(pickle.dumps((RawAccess(-1, elsewhere=elsewhere), StopPlan(kind, context))))  # noqa: S301 - our own
+    assert next(plan.sequence(RawBytes(access))).step.meaning == first
+
+
+def test_ctrl_c_over_a_link_that_was_opened_anew_asks_who_is_there(tmp_path: Path) -> None:
+    """Here a line had it for itself in between, with other options."""
+    trace, time_passes = tmp_path / "trace", FakeLink.sleep
+
+    def pressed(link: FakeLink, seconds: float) -> None:
+        if seconds == 30:
+            link.event("pressed")
+            raise KeyboardInterrupt
+        time_passes(link, seconds)
+
+    script = f"{GO}\nexo status -v\nsleep 30"
+    with mock.patch.object(FakeLink, "sleep", pressed):
+        run("batch", "-p", "fake://exo?clock=virtual", "--trace", str(trace), stdin=script)
+    assert ASK in after(trace, "pressed")[0], trace.read_text()
 
 
 @pytest.mark.real

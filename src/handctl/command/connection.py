@@ -204,8 +204,8 @@ class Mover(NamedTuple):
         return _named(self.run, *self.plan.device)
 
     def plan_on(self, link: Link | None) -> StopPlan:
-        """Its plan over this link: who is there is asked anew where that was opened again since."""
-        if link is None or (link is self.met and not link.elsewhere):
+        """Its plan over this link, which asks anew who is there where it is another one than that on which it was identified."""
+        if link is None or link is self.met:
             return self.plan
         from handctl.model.stop_sequence import StopPlan
 
@@ -216,7 +216,7 @@ class Mover(NamedTuple):
         from handctl.model.stop_sequence import RunningStop, Stopped
 
         ledger = self.run.ledger
-        stop = RunningStop(link, self.plan_on(link).sequence(), sent, ledger if ledger.words is not None else None)
+        stop = RunningStop(link, self.plan_on(link).sequence(link), sent, ledger if ledger.words is not None else None)
 
         def over(part: Callable[[], Any]) -> Any:
             try:
@@ -296,7 +296,7 @@ class Session:
             known = self._open[key] = Connection(self._traces.setdefault(run.settings.trace, Trace()), name)
             known.key = key
         run.journal.line = self._lines.setdefault(key, run.journal.line)
-        if known.link is None:
+        if known.link is None or known.link.elsewhere:
             run.journal.line.met.clear()  # whoever is behind a new connection
         if known.device_access is not None:
             known.device_access.serve(run)

@@ -287,7 +287,7 @@ class _Raw(Link):
     """A descriptor of the system, without the library that has opened it."""
 
     def __init__(self, raw_access: RawAccess) -> None:
-        self._raw_access = raw_access
+        self._raw_access, self.elsewhere = raw_access, raw_access.elsewhere
 
     def put(self, data: bytes, deadline: Deadline) -> None:
         """Bytes as they are. Raises LinkError."""

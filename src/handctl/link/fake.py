@@ -215,9 +215,9 @@ class FakeLink(_Simulated, ByteLink):
 
     def reconnect(self, seconds: float) -> bool:
         self._line.advance(self.now())
-        if self._line.hung_up:
-            return self.look_for(seconds, self.reopen)
         self._rest = b""
+        if self._line.hung_up:
+            return self.look_for(seconds, self._plugged_in)
         self._line.reconnect()
         return True
 

@@ -77,6 +77,7 @@ class RawAccess:
     encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
     decode      on a CAN bus: what was read -> the frames in it, and the rest; None where bytes are bytes
     baud        speed of a port in bit/s, None where there is none
+    elsewhere   as of its link
     before      called before anything is written; set by the guard
     owes        called with the rest of a frame that is half sent, and with b"" once it is out; set by the guard
     """
@@ -87,8 +88,10 @@ class RawAccess:
         encode: Callable[[bytes, int | None], bytes] | None = None,
         decode: Callable[[bytes], tuple[list[CanFrame], bytes]] | None = None,
         baud: int | None = None,
+        elsewhere: bool = False,
     ) -> None:
         self.descriptor = descriptor
+        self.elsewhere = elsewhere
         self.encode = encode or plain
         self.decode = decode
         self.baud = baud
@@ -97,7 +100,7 @@ class RawAccess:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For another process: `before` and `note_unfinished` stay in this one."""
-        return RawAccess, (self.descriptor, self.encode, self.decode, self.baud)
+        return RawAccess, (self.descriptor, self.encode, self.decode, self.baud, self.elsewhere)
 
 
 LOOK_SECONDS = 0.05

@@ -196,7 +196,11 @@ class SerialLink(ByteLink):
         return None if "://" in self._device else serial_ports.descriptor(self._port)
 
     def reopen(self) -> bool:
-        """See Link. A URL leads to another program: what is lost there stays lost."""
+        """See Link."""
+        return self._open_again()
+
+    def _open_again(self) -> bool:
+        """A URL leads to another program: what is lost there stays lost."""
         if "://" in self._device:
             return False
         self.close()
@@ -207,7 +211,7 @@ class SerialLink(ByteLink):
 
     def reconnect(self, seconds: float) -> bool:
         """See Link. A contact that bounces brings the adapter back under its name within a second."""
-        return self.look_for(seconds, self.reopen)
+        return self.look_for(seconds, self._open_again)
 
     def write(self, data: bytes, deadline: Deadline) -> None:
         if self._fd == CLOSED:

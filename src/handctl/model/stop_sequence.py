@@ -200,18 +200,19 @@ class StopPlan:
         self._given = sequence
         self.sequence()  # imports the family's stopper now: later there may be no time, or no disk
 
-    def sequence(self) -> StopSequence:
-        """Its steps."""
-        return stop_sequence_of(self.device[0], self.context) if self._given is None else self._given(self.context)
+    def sequence(self, link: Link | None = None) -> StopSequence:
+        """Its steps over this link: who is there is asked anew where that was opened again since."""
+        context = self.context if link is None or not link.elsewhere else self.context._replace(proven=False)
+        return stop_sequence_of(self.device[0], context) if self._given is None else self._given(context)
 
     def begun(self, link: Link) -> StopExchange:
         """Its steps; what is left of it is still to be finished. Raises LinkError."""
-        exchange = StopExchange(link, self.sequence(), [])
+        exchange = StopExchange(link, self.sequence(link), [])
         exchange.begin()
         return exchange
 
     def __call__(self, link: Link) -> Stopped:
-        return exchange_steps(link, self.sequence(), [])
+        return exchange_steps(link, self.sequence(link), [])
 
     def __reduce__(self) -> tuple[object, ...]:
         return StopPlan, (self.device[0], self.context, self._given)
@@ -368,7 +369,9 @@ def found_again(link: Link) -> bool:
     link.elsewhere = link.elsewhere or found
     if guard is not None:
         with suppress(LinkError):
-            guard.follow(link.raw_access())
+            if (raw_access := link.raw_access()) is not None:
+                raw_access.elsewhere = link.elsewhere
+            guard.follow(raw_access)
     return found
 
 
