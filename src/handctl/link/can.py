@@ -145,8 +145,8 @@ class CanLink(FrameLink):
                 raise self._down()
             if self._slcan is not None and self._slcan.adapter != self.adapter:
                 raise LinkError(
-                    f"{self.name}: another adapter is plugged in: {self._slcan.adapter or 'it does not say who it is'}",
-                    hint=f"plug in the one that was open ({self.adapter or 'it did not say who it is'})",
+                    f"{self.name}: another adapter is plugged in: {self._slcan.adapter or 'no version or serial number'}",
+                    hint=f"plug in the one that was open ({self.adapter or 'no version or serial number'})",
                     code="other-adapter",
                 )
         except LinkError:
