@@ -91,6 +91,8 @@ def test_a_stop_that_no_port_took_is_not_listed_as_sent(move: str, tmp_path: Pat
     assert not [line for line in lines[lost:] if " > " in line], lines[lost:]
     again = run(*words.split(), "-p", f"replay:{trace}", "--json")
     assert again.code == 3 and "replay-miss" not in again.out, again
+    told = run(*words.split(), "-p", f"{link}&unplug={at}:90", "-q").err
+    assert not stops or ("warning: writes: " in told and "not sent: " in told), told
 
 
 # -- what an earlier line has left moving -----------------------------------------------------------------------------

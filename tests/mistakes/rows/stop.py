@@ -177,6 +177,15 @@ ROWS = (
         f"{LOST}a_stop_that_no_port_took_is_not_listed_as_sent",
     ),
     mistake(
+        "stop-that-did-not-go-out-is-a-note",
+        "somebody is not told",
+        "handctl.model.write_ledger",
+        "Ledger.unconfirmed",
+        "unsent = self.began and any(same in self._stops for same, _ in self._plan)",
+        "unsent = False",
+        f"{LOST}a_stop_that_no_port_took_is_not_listed_as_sent",
+    ),
+    mistake(
         "part-of-a-frame-is-taken-for-none-of-it",
         "ledger lies",
         "handctl.link.serial",
