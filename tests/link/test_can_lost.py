@@ -55,6 +55,7 @@ class Plugged:
         self.other = can.Bus(interface="virtual", channel=CHANNEL)
         self.away = 0
         self.looks = 0
+        self.errors = [can.CanInitializationError("no such device"), OSError(errno.ENODEV, "none"), ValueError("none")]
         self._open = can.Bus
         monkeypatch.setattr("handctl.link.can.can.Bus", self.opened)
         link = open_link(f"can:{interface}:{CHANNEL}")
@@ -65,7 +66,7 @@ class Plugged:
         self.looks += 1
         if self.away:
             self.away -= 1
-            raise can.CanInitializationError("no such device")
+            raise self.errors[self.away % len(self.errors)]
         return self._open(**{**options, "interface": "virtual"})
 
     def pull(self, looks: int, error: Exception | None = None) -> None:

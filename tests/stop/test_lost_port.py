@@ -16,7 +16,7 @@ import pytest
 
 import handctl
 from handctl.errors import LinkError
-from handctl.link import NoLink, RawAccess
+from handctl.link import NoLink, RawAccess, fake
 from handctl.link.deadman import RawBytes, guard_link
 from handctl.link.fake import FakeLink
 from handctl.link.serial import SerialLink
@@ -67,6 +67,25 @@ def test_the_stop_goes_out_over_a_port_that_comes_back(move: str, tmp_path: Path
     assert any(STOPS[move] in one["meaning"] and one["state"] == "confirmed" for one in writes), writes
     after = trace.read_text().partition("reconnect")[2]
     assert ASKS.get(move, "") in next(line for line in after.splitlines() if " > " in line), after
+
+
+@each_row("move", [*ASKS, "hand on CAN"])
+def test_ctrl_c_reaches_the_device_over_a_port_that_comes_back(move: str, tmp_path: Path) -> None:
+    """Pressed while it is away, before anything was sent that shows it."""
+    words, link, at = MOVES[move]
+    trace, time_passes, told = tmp_path / "trace", fake._Simulated.sleep, list[float]()
+
+    def pressed(link: Any, seconds: float) -> None:
+        time_passes(link, seconds)
+        if at < link.now() and not told:
+            told.append(link.now())
+            raise KeyboardInterrupt
+
+    with mock.patch.object(fake._Simulated, "sleep", pressed):
+        result = run(*words.split(), "-p", f"{link}&unplug={at}:0.4", "--json", "--trace", str(trace))
+    assert (result.code, len(told)) == (130, 1), result
+    assert any(STOPS[move] in one["meaning"] and one["state"] == "confirmed" for one in result.json["writes"]), result
+    assert ASKS.get(move, "") in after(trace, "reconnect")[0]
 
 
 @each_row("move", [name for name in MOVES if name != "aidin"])

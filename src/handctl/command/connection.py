@@ -282,9 +282,8 @@ class Session:
                 if not known.link.replayed:
                     known.link.discard()
             except LinkError as exc:  # it was lost meanwhile
-                self.stop_lost(known, exc, run.prompts)
-                moved, found = exc.left.text, not exc.left.moving
-                if not (moved and found and run.stops):
+                moved = self.stop_lost(known, exc, run.prompts)
+                if not (run.stops and moved and not exc.left.moving):  # else it is back, and serves this line
                     self._close(key, run.journal)
                     known = None
                 if moved and not run.stops:
@@ -390,18 +389,15 @@ class Session:
 
         return [interrupt_error(stopped, where) for where, stopped in self._stopped(list(self.in_motion), prompts)]
 
-    def stop_lost(self, connection: Connection, lost: HandctlError | None, prompts: Prompts) -> None:
-        """Where the link was `lost`: stop what earlier commands have left moving on it, as an error stops the movement of one. The
-        error says how that ended."""
+    def stop_lost(self, connection: Connection, lost: HandctlError | None, prompts: Prompts) -> bool:
+        """Where the link was `lost`: stop what earlier commands have left moving on it, as an error stops the movement of one; whether
+        there was anything. The error says how that ended."""
         from handctl.model.stop_on_interrupt import STOPPED_EARLIER
         from handctl.model.stop_sequence import joined_stops
 
         moving = self._moving_on(connection.name)
-        if (
-            not (moving and isinstance(lost, LinkError) and connection.link is not None)
-            or connection.stopped is not None
-        ):
-            return
+        if not (moving and isinstance(lost, LinkError)) or connection.link is None or connection.stopped is not None:
+            return False
         ended = self._stopped(moving, prompts)
         link = f"{connection.name}: "
         stopped = joined_stops([one._replace(text=where.removeprefix(link) + one.text) for where, one in ended])
@@ -411,6 +407,7 @@ class Session:
         if stopped.text not in lost.text:  # as where the link is still lost
             said = f"{said}: {stopped.text}"
         lost.add_aftermath(Aftermath(said, stopped.hint, moving=stopped.error is not None))
+        return True
 
     def _stopped(self, moving: Sequence[Mover], prompts: Prompts) -> list[tuple[str, Stopped]]:
         """The stop of each of these, and where it was, for messages. All are begun before the first one is checked."""

@@ -139,8 +139,8 @@ class CanLink(FrameLink):
         """Look once for the adapter that was lost. Raises LinkError while it is not there, or where another one is in its place."""
         self._shut()
         self._bus, self._slcan, self._raw_access = _NO_BUS, None, None
-        self._open()
         try:
+            self._open()
             if self._interface == "socketcan" and not _is_up(self._channel):
                 raise self._down()
             if self._slcan is not None and self._slcan.adapter != self.adapter:
@@ -149,10 +149,12 @@ class CanLink(FrameLink):
                     hint=f"plug in the one that was open ({self.adapter or 'no version or serial number'})",
                     code="other-adapter",
                 )
-        except LinkError:
+        except HandctlError as exc:
             self._shut()
             self._bus, self._slcan = _NO_BUS, None
-            raise
+            if isinstance(exc, LinkError):
+                raise
+            raise LinkError(exc.text, hint=exc.hint, code="cannot-open") from exc  # its options were right before
         self._gone = False
         return True
 

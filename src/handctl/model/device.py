@@ -359,7 +359,18 @@ class Device(ABC):
         return [StopPlan(one[0], context.of(own, one)) for one in dict.fromkeys(one or own for one in devices)]
 
     def stop(self, *, powered: bool = False) -> Stopped:
-        """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""
+        """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises.
+
+        A link that was lost is opened again for that, where that can be done, and who is there is asked anew.
+        """
+        stopped = self._stopped(powered)
+        return self._stopped(powered) if stopped.error is LinkError and self.found_again() else stopped
+
+    def found_again(self) -> bool:
+        """Whether its link, which was lost, could be opened again for a stop. Never raises."""
+        return found_again(self.link)
+
+    def _stopped(self, powered: bool) -> Stopped:
         ledger = self.journal.ledger
         sequence = stop_sequence_of(self.kind, self.stop_context()._replace(powered=powered))
         return run_stop(self.link, sequence, ledger=ledger if ledger.words is not None else None)
@@ -408,13 +419,8 @@ class Device(ABC):
             yield guard
 
     def stopped_by_error(self, stop: Callable[[], Stopped], prompts: Prompts, who: str) -> AbstractContextManager[None]:
-        """Around a movement: an error stops it. A lost connection is opened again for that, where that can be done."""
-        return stopped_by_error(lambda: self.reached_again(stop), prompts, self.journal.counters, who)
-
-    def reached_again(self, stop: Callable[[], Stopped]) -> Stopped:
-        """The result of `stop`, once more where the connection was lost and could be opened again. Never raises."""
-        stopped = stop()
-        return stop() if stopped.error is LinkError and found_again(self.link) else stopped
+        """Around a movement: an error stops it."""
+        return stopped_by_error(stop, prompts, self.journal.counters, who)
 
     # -- reading -------------------------------------------------------------------------------------------------
 

@@ -364,7 +364,7 @@ def found_again(link: Link) -> bool:
     guard, found = link.guard, False
     if guard is not None:
         guard.disarm()  # it keeps the lost port open: an adapter that is plugged in again gets another name then
-    with suppress(LinkError):
+    with suppress(HandctlError):
         found = link.reconnect(RECONNECT_SECONDS)
     link.elsewhere = link.elsewhere or found
     if guard is not None:
