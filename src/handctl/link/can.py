@@ -137,8 +137,7 @@ class CanLink(FrameLink):
 
     def _open_again(self) -> bool:
         """Look once for the adapter that was lost. Raises LinkError while it is not there, or where another one is in its place."""
-        self._shut()
-        self._bus, self._slcan, self._raw_access = _NO_BUS, None, None
+        self._let_go()
         try:
             self._open()
             if self._interface == "socketcan" and not _is_up(self._channel):
@@ -150,8 +149,7 @@ class CanLink(FrameLink):
                     code="other-adapter",
                 )
         except HandctlError as exc:
-            self._shut()
-            self._bus, self._slcan = _NO_BUS, None
+            self._let_go()
             if isinstance(exc, LinkError):
                 raise
             raise LinkError(exc.text, hint=exc.hint, code="cannot-open") from exc  # its options were right before
@@ -358,6 +356,11 @@ class CanLink(FrameLink):
             return
         self._closed = True
         self._shut()
+
+    def _let_go(self) -> None:
+        """Close the bus, so that nothing goes out until it is opened again."""
+        self._shut()
+        self._bus, self._slcan, self._raw_access = _NO_BUS, None, None
 
     def _shut(self) -> None:
         # An adapter that went away before us leaves nothing to release.

@@ -252,7 +252,7 @@ ROWS = (
         "bus-that-is-gone-is-still-used",
         "another file gets the stop",
         CAN,
-        "CanLink._open_again",
+        "CanLink._let_go",
         "self._bus, self._slcan, self._raw_access = _NO_BUS, None, None",
         "pass",
         f"{LOST_CAN}an_adapter_that_stays_away_is_looked_for_no_longer_than_asked",
