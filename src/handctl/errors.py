@@ -113,6 +113,8 @@ class HandctlError(Exception):
     """Whether the text already says that --deadline cut it short."""
     shown = False
     """True once it is in the output (the JSON envelope)."""
+    unsent = False
+    """Whether it is certain that what was to be sent did not go out: the link did not take the frame."""
     joint = ". "
     """Between what happened and what is left behind."""
 

@@ -21,9 +21,10 @@ import serial
 from serial.rfc2217 import PortManager
 
 from handctl.errors import HandctlError, LinkError
-from handctl.link import ByteLink, Deadline, NoLink, open_link, port_users
+from handctl.link import ByteLink, Deadline, NoLink, RawAccess, open_link, port_users
 from handctl.link import serial as serial_module
 from handctl.link.port_users import Process
+from handctl.link.tcp import TcpLink
 from handctl.system import descriptors, waits
 from tests.support.cli import PATIENCE, run
 from tests.support.each_row import each_row
@@ -279,6 +280,29 @@ def test_an_adapter_that_was_unplugged_reads_as_nothing_and_is_lost(opened: list
         link.read(link.deadline(PATIENCE))
     assert caught.value.code == "lost"
     link.close()
+
+
+@each_row(("first", "unsent"), [(0, True), (3, False)])
+def test_a_frame_of_which_a_lost_link_took_nothing_is_known_not_to_be_sent(
+    first: int, unsent: bool, opened: list[Port], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of one that it took a part of, the record of writes says what is known: it may have arrived."""
+    port, tcp = open_link("/dev/ttyUSB7"), TcpLink.__new__(TcpLink)
+    assert isinstance(port, ByteLink)
+    tcp.name, tcp._raw_access = "tcp://192.0.2.7:1", RawAccess(-1)
+    for link in (port, tcp):
+        taken = iter([first] * (first > 0))
+
+        def write(*_: Any, taken: Iterator[int] = taken) -> int:
+            for count in taken:
+                return count
+            raise OSError(errno.EIO, "gone")
+
+        tcp._socket = SimpleNamespace(send=write)  # type: ignore[assignment]
+        with monkeypatch.context() as patched, pytest.raises(LinkError) as caught:
+            patched.setattr(os, "write", write)
+            link.write(b"whole", link.deadline(PATIENCE))
+        assert (caught.value.code, caught.value.unsent) == ("lost", unsent), link.name
 
 
 def test_a_port_that_another_program_has_open_is_refused(opened: list[Port], monkeypatch: pytest.MonkeyPatch) -> None:

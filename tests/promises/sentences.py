@@ -102,6 +102,10 @@ COVERED: Mapping[str, tuple[str, str]] = {
     "The other results": ("kernel/test_movement.py", "test_what_is_expected"),
     "If two devices reply": ("inspire/test_twins.py", "test_nothing_that_strands_reaches_two_devices_with_one_id"),
     "If another program has the port open, handctl refuses to use it": ("link/test_rivals.py", "test_"),
+    "the line or call that finds the link lost stops it": (
+        "stop/test_lost_port.py",
+        "test_what_an_earlier_line_has_left_moving",
+    ),
     "show no table": ("contract/test_strangers.py", "test_a_stranger_is_never_shown_as_a_table"),
     "The command then ends with exit code 4 or 5": ("contract/test_strangers.py", "test_"),
 }

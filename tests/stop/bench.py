@@ -1,16 +1,24 @@
-"""A port of which nothing is ever opened, and the simulated device behind it: what a lock keeps of a place can be tried there."""
+"""A port of which nothing is ever opened, and the simulated device behind it: what a lock keeps of a place can be tried there.
+
+And the access of a command to its device, as another process reaches it.
+"""
 
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import pytest
 
 from handctl.command import connection
+from handctl.command.connection import Connection
 from handctl.link import ByteLink, FrameLink, Link, open_link
 from handctl.link.device_lock import remembered
+from handctl.stop.device_access import DeviceAccess
 from handctl.tools import stop
 
 PORT = "/dev/null"
@@ -63,3 +71,18 @@ def last_family(link: str) -> str:
 def lock_file() -> Path:
     (file,) = (Path(os.environ["XDG_RUNTIME_DIR"]) / "handctl").glob("lock-*")
     return file
+
+
+@contextmanager
+def noting_access() -> Iterator[list[DeviceAccess]]:
+    """What is opened in here, as another command reaches it that asks for a stop."""
+    opened, access = Connection.opened, list[DeviceAccess]()
+
+    def noted(connection: Connection, *args: Any, **more: Any) -> Any:
+        found = opened(connection, *args, **more)
+        assert connection.device_access is not None
+        access.append(connection.device_access)
+        return found
+
+    with mock.patch.object(Connection, "opened", noted):
+        yield access

@@ -29,9 +29,9 @@ from handctl.link.fake import FakeLink
 from handctl.model.command_settings import Settings
 from handctl.model.stop_sequence import StopContext, StopPlan
 from handctl.stop import stop_listener
-from handctl.stop.device_access import DeviceAccess
 from handctl.stop.stop_listener import StopListener
 from handctl.system import local_socket
+from tests.stop.bench import noting_access
 from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, clean_environment, run, start
 from tests.support.each_row import each_row
@@ -56,21 +56,6 @@ def stops_in(sent: list[bytes]) -> list[str]:
     """Which devices were stopped, in this order, each once."""
     found = [start for data in sent for start in (EXO_1, EXO_2, EXO_7, WRIST) if data.hex().startswith(start)]
     return list(dict.fromkeys(found))
-
-
-@contextmanager
-def noting_access() -> Iterator[list[DeviceAccess]]:
-    """What is opened in here, as another command reaches it that asks for a stop."""
-    opened, access = Connection.opened, list[DeviceAccess]()
-
-    def noted(connection: Connection, *args: Any, **more: Any) -> Any:
-        found = opened(connection, *args, **more)
-        assert connection.device_access is not None
-        access.append(connection.device_access)
-        return found
-
-    with mock.patch.object(Connection, "opened", noted):
-        yield access
 
 
 @contextmanager

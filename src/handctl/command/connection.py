@@ -6,13 +6,13 @@ device a later command uses.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
-from handctl.errors import HandctlError, Hint, Interrupted, LinkError, NoAnswer, UsageError, joined
+from handctl.errors import Aftermath, HandctlError, Hint, Interrupted, LinkError, NoAnswer, UsageError, joined
 from handctl.fast_classes import NamedTuple
 from handctl.link import open_link
 from handctl.system import clock
@@ -190,23 +190,33 @@ class Mover(NamedTuple):
     run   that command: its record takes the stop
     link  the LINK
     plan  how it is stopped, whoever uses the link by then
+    met   the open link on which it was identified
     """
 
     run: Invocation
     link: str
     plan: StopPlan
+    met: Link | None
 
     @property
     def name(self) -> str:
         """Family and id, for messages."""
         return _named(self.run, *self.plan.device)
 
+    def plan_on(self, link: Link | None) -> StopPlan:
+        """Its plan over this link, which asks anew who is there where it is another one than that on which it was identified."""
+        if link is None or link is self.met:
+            return self.plan
+        from handctl.model.stop_sequence import StopPlan
+
+        return StopPlan(self.plan.device[0], self.plan.context._replace(proven=False))
+
     def begin(self, link: Link, sent: list[Sent] | None = None) -> Callable[[], Stopped]:
         """Begin its stop over its link, as that is now, see `RunningStop`; what finishes it. Neither raises."""
         from handctl.model.stop_sequence import RunningStop, Stopped
 
         ledger = self.run.ledger
-        stop = RunningStop(link, self.plan.sequence(), sent, ledger if ledger.words is not None else None)
+        stop = RunningStop(link, self.plan_on(link).sequence(link), sent, ledger if ledger.words is not None else None)
 
         def over(part: Callable[[], Any]) -> Any:
             try:
@@ -271,9 +281,13 @@ class Session:
             try:
                 if not known.link.replayed:
                     known.link.discard()
-            except LinkError:
-                self._close(key, run.journal)  # it was lost meanwhile
-                known = None
+            except LinkError as exc:  # it was lost meanwhile
+                moved = self.stop_lost(known, exc, run.prompts)
+                if not (run.stops and moved and not exc.left.moving):  # else it is back, and serves this line
+                    self._close(key, run.journal)
+                    known = None
+                if moved and not run.stops:
+                    raise
         if known is None:
             name = run.link_name()
             for other in [other for other, one in self._open.items() if one.name == name]:
@@ -281,7 +295,7 @@ class Session:
             known = self._open[key] = Connection(self._traces.setdefault(run.settings.trace, Trace()), name)
             known.key = key
         run.journal.line = self._lines.setdefault(key, run.journal.line)
-        if known.link is None:
+        if known.link is None or known.link.elsewhere:
             run.journal.line.met.clear()  # whoever is behind a new connection
         if known.device_access is not None:
             known.device_access.serve(run)
@@ -293,7 +307,7 @@ class Session:
         """The death of this process stops what is in motion on a link that was opened again for this run, too. Raises LinkError."""
         if self.guards and connection.key not in self._guards:
             for mover in self._moving_on(connection.name):
-                self._guard_with(connection, mover.plan, run.journal)
+                self._guard_with(connection, mover.plan_on(connection.link), run.journal)
 
     def _guard(self, connection: Connection, run: Invocation) -> None:
         """From now on the death of this process stops the device of this run. Raises LinkError."""
@@ -343,7 +357,7 @@ class Session:
         elif moving:
             for plan in run.opened.stop_plans(*(ledger.going or (None,))):
                 self._forget(connection.name, plan.device, guarded=True)
-                self.in_motion.append(Mover(run, connection.name, plan))
+                self.in_motion.append(Mover(run, connection.name, plan, connection.link))
 
     def _rename(self, connection: Connection, run: Invocation) -> None:
         """What is in motion is stopped at the id that this command has given it. Raises LinkError."""
@@ -371,13 +385,41 @@ class Session:
 
     def stop_moving(self, prompts: Prompts) -> list[HandctlError]:
         """Stop what commands have set going and left, as Ctrl-C stops the movement of one; how each of these stops ended."""
+        from handctl.model.stop_on_interrupt import interrupt_error
+
+        return [interrupt_error(stopped, where) for where, stopped in self._stopped(list(self.in_motion), prompts)]
+
+    def stop_lost(self, connection: Connection, lost: HandctlError | None, prompts: Prompts) -> bool:
+        """Where the link was `lost`: stop what earlier commands have left moving on it, as an error stops the movement of one; whether
+        there was anything. The error says how that ended."""
+        from handctl.model.stop_on_interrupt import STOPPED_EARLIER
+        from handctl.model.stop_sequence import joined_stops
+
+        moving = self._moving_on(connection.name)
+        if not (moving and isinstance(lost, LinkError)) or connection.link is None or connection.stopped is not None:
+            return False
+        ended = self._stopped(moving, prompts)
+        link = f"{connection.name}: "
+        stopped = joined_stops([one._replace(text=where.removeprefix(link) + one.text) for where, one in ended])
+        said = "what earlier commands have set in motion may still move, because the stop has not been confirmed"
+        if stopped.error is None:
+            said = STOPPED_EARLIER
+        if stopped.text not in lost.text:  # as where the link is still lost
+            said = f"{said}: {stopped.text}"
+        lost.add_aftermath(Aftermath(said, stopped.hint, moving=stopped.error is not None))
+        return True
+
+    def _stopped(self, moving: Sequence[Mover], prompts: Prompts) -> list[tuple[str, Stopped]]:
+        """The stop of each of these, and where it was, for messages. All are begun before the first one is checked."""
         from handctl.command import write_history
         from handctl.model.stop_on_interrupt import INTERRUPTED_AGAIN, interrupt_error
 
         ended = []
-        moving = list(self.in_motion)
         with prompts.stopping():
             prompts.done()
+            for name in dict.fromkeys(mover.link for mover in moving):
+                with suppress(KeyboardInterrupt):  # pressed again, it ends the search, and the stop is tried
+                    self._find_again(name)
             written = [len(mover.run.ledger.rows()) for mover in moving]
             begun = []
             for mover in moving:
@@ -391,13 +433,24 @@ class Session:
                     stopped = finish()
                 except KeyboardInterrupt:
                     stopped = INTERRUPTED_AGAIN
-                ended.append(
-                    interrupt_error(stopped, f"{mover.link}: {mover.name}: " if several else f"{mover.link}: ")
-                )
+                where = f"{mover.link}: {mover.name}: " if several else f"{mover.link}: "
+                ended.append((where, stopped))
                 if stopped.error is None:
                     self._forget(mover.link, mover.plan.device)
-                write_history.keep(mover.run, mover.run.ledger.rows()[before:], [], ended[-1])
+                error = interrupt_error(stopped, where)
+                write_history.keep(mover.run, mover.run.ledger.rows()[before:], [], error)
         return ended
+
+    def _find_again(self, name: str) -> None:
+        """Open this link again, before a stop, where it was lost meanwhile and is back."""
+        from handctl.model.stop_sequence import found_again
+
+        known = self._open_at(name)
+        if known is not None and known.link is not None and known.stopped is None and not known.link.replayed:
+            try:
+                known.link.discard()
+            except LinkError:
+                found_again(known.link)
 
     def _begin(self, mover: Mover) -> Callable[[], Stopped]:
         """Begin its stop over the open link of its device, or where there is none, or nothing goes out any more, over a new one; what

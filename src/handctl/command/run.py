@@ -492,6 +492,8 @@ class Run(Invocation):
             self.known = access.known if self.session is not None else ()
         table = self.outcome.table
         ended = failure or (table.failure if self.stops and table is not None else None)
+        if self.session is not None:
+            self.session.stop_lost(self.connection, ended, self.prompts)
         if self.session is not None and self.session.keeps(self.connection, ended, self):
             return failure or self.connection.trace.failure
         return self.connection.close(failure, self.journal)

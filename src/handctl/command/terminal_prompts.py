@@ -167,7 +167,7 @@ def print_message(level: str, text: str, hint: str) -> None:
 
 
 def print_writes(ledger: Ledger, settings: Settings, failure: HandctlError | None) -> None:
-    """Print the record of writes; with -q only if a write is unconfirmed."""
+    """Print the record of writes; with -q only if a write is unconfirmed, or a stop was not sent."""
     in_json = settings.format in ("json", "ndjson") and not isinstance(failure, OutputError)
     if in_json or settings.dry_run or (settings.quiet and not ledger.unconfirmed):
         return

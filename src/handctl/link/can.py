@@ -16,7 +16,7 @@ from typing import Any
 import can
 
 from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, UsageError
-from handctl.link.link_interface import CanFrame, Deadline, FrameLink, RawAccess, Trouble, options_in
+from handctl.link.link_interface import CanFrame, Deadline, FrameLink, RawAccess, Trouble, options_in, unsent
 from handctl.link.port_users import busy, refuse_held
 from handctl.link.slcan import (
     AGAIN_SECONDS,
@@ -36,6 +36,8 @@ BITRATE = 1_000_000
 """wrist §2.3."""
 POLL_SECONDS = 0.05
 """Some back ends return early without a frame; the deadline decides, not they."""
+IFF_UP = 1
+"""linux/if.h."""
 BUS_OFF, RESTARTED = 0x40, 0x100
 """Classes of Linux' error frames (linux/can/error.h)."""
 
@@ -95,11 +97,19 @@ class CanLink(FrameLink):
                 f"{link}: python-can has no interface {interface!r}",
                 hint=f"use one of {', '.join(sorted(can.VALID_INTERFACES))}",
             )
+        self._closed = self._gone = False
+        self._interface, self._channel, self._options, self._exclusive = interface, channel, options, exclusive
+        self.bitrate = options["bitrate"]
+        self._open()
+        self.adapter = self._slcan.adapter if self._slcan is not None else None
+
+    def _open(self) -> None:
+        """Lock the adapter, where that can be done, and open the bus. Raises UsageError, LinkError."""
+        interface, channel = self._interface, self._channel
         slcan = interface == "slcan" and channel.startswith("/dev/")
-        self._lock = _lock(link, channel) if slcan and exclusive else None
-        self._closed = False
+        self._lock = _lock(self.name, channel) if slcan and self._exclusive else None
         try:
-            self._bus = self._opened(interface, channel, options, meet=exclusive)
+            self._bus = self._opened(interface, channel, self._options, meet=self._exclusive)
         except BaseException:
             self._unlock()
             raise
@@ -107,10 +117,44 @@ class CanLink(FrameLink):
         self._raw_access: RawAccess | None = None
         self._counted = 0  # errors of an adapter that are in error_frames
         self._left = False  # a controller of another interface is bus off
-        self.bitrate = options["bitrate"]
-        self.adapter = self._slcan.adapter if self._slcan is not None else None
-        self._interface = interface
-        self.held = (self._lock,) if self._lock is not None else ()
+        if self._lock is not None:
+            self.held = (*self.held, self._lock)
+
+    def reconnect(self, seconds: float) -> bool:
+        """See Link. Only an adapter that is gone is looked for: one that takes no frame, or whose controller is bus off, is there,
+        and so is what it has queued. Another program behind a URL stays lost, as with a serial port."""
+        if "://" in self._channel or not (self._gone or self._is_gone()):
+            return False
+        return self.look_for(seconds, self._open_again)
+
+    def _is_gone(self) -> bool:
+        """Whether nothing can be received either."""
+        try:
+            self._next(0.0)
+        except (can.CanError, OSError, ValueError, IndexError):
+            return True
+        return False
+
+    def _open_again(self) -> bool:
+        """Look once for the adapter that was lost. Raises LinkError while it is not there, or where another one is in its place."""
+        self._let_go()
+        try:
+            self._open()
+            if self._interface == "socketcan" and not _is_up(self._channel):
+                raise self._down()
+            if self._slcan is not None and self._slcan.adapter != self.adapter:
+                raise LinkError(
+                    f"{self.name}: another adapter is plugged in: {self._slcan.adapter or 'no version or serial number'}",
+                    hint=f"plug in the one that was open ({self.adapter or 'no version or serial number'})",
+                    code="other-adapter",
+                )
+        except HandctlError as exc:
+            self._let_go()
+            if isinstance(exc, LinkError):
+                raise
+            raise LinkError(exc.text, hint=exc.hint, code="cannot-open") from exc  # its options were right before
+        self._gone = False
+        return True
 
     def _opened(self, interface: str, channel: str, options: dict[str, Any], *, meet: bool) -> can.BusABC:
         """The bus of python-can. Raises UsageError, LinkError."""
@@ -164,7 +208,12 @@ class CanLink(FrameLink):
         try:
             self._bus.send(message, timeout=max(0.001, deadline.remaining))
         except (can.CanError, OSError, ValueError) as exc:
-            raise self._not_sent(exc) from exc
+            raise unsent(self._not_sent(exc), self._takes_whole()) from exc
+
+    def _takes_whole(self) -> bool:
+        """Whether a frame that fails is certain not to have gone out: a socket takes it whole or not at all, and without its last byte no
+        adapter sends it. What a vendor's library has done is not known."""
+        return self._bus is _NO_BUS or self._interface == "socketcan" or (self._slcan is not None and self._slcan.whole)
 
     def _not_sent(self, exc: Exception) -> HandctlError:
         """Why a frame was not sent. Linux distinguishes a full queue from an interface that is down."""
@@ -174,13 +223,17 @@ class CanLink(FrameLink):
                 f"{self.name}: no device acknowledges, and the transmit queue is full", hint=NO_ACK_HINT, code="no-ack"
             )
         if number == errno.ENETDOWN:
-            hint = _opening("socketcan", self.name.partition("?")[0].rpartition(":")[2], self.bitrate or BITRATE)
-            return LinkError(f"{self.name}: the CAN interface is down", hint=hint, code="down")
+            self._gone = True
+            return self._down()
         return LinkError(
             f"{self.name}: the frame could not be sent: {exc}",
             hint="check the device's power, the termination (120 ohm at both ends) and the bitrate. No device acknowledged, or the adapter is gone",
             code="cannot-send",
         )
+
+    def _down(self) -> LinkError:
+        hint = _opening("socketcan", self._channel, self.bitrate or BITRATE)
+        return LinkError(f"{self.name}: the CAN interface is down", hint=hint, code="down")
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         while True:
@@ -207,6 +260,7 @@ class CanLink(FrameLink):
                 return None
 
     def _lost(self, exc: Exception) -> LinkError:
+        self._gone = True
         return LinkError(
             f"{self.name}: the bus is lost: {exc}",
             hint="check the adapter's cable, then run the command again",
@@ -301,14 +355,49 @@ class CanLink(FrameLink):
         if self._closed:
             return
         self._closed = True
+        self._shut()
+
+    def _let_go(self) -> None:
+        """Close the bus, so that nothing goes out until it is opened again."""
+        self._shut()
+        self._bus, self._slcan, self._raw_access = _NO_BUS, None, None
+
+    def _shut(self) -> None:
         # An adapter that went away before us leaves nothing to release.
         with contextlib.suppress(can.CanError, OSError, ValueError):
             self._bus.shutdown()
         self._unlock()
 
     def _unlock(self) -> None:
-        if self._lock is not None:
-            os.close(self._lock)
+        lock, self._lock = self._lock, None
+        if lock is not None:
+            self.held = tuple(one for one in self.held if one != lock)
+            os.close(lock)
+
+
+class _NoBus:
+    """In place of a bus whose adapter is gone, so that nothing reaches a descriptor that is another file's by now."""
+
+    def _fail(self, *_: object, **__: object) -> Any:
+        raise can.CanOperationError("the adapter is gone")
+
+    send = _recv_internal = fileno = _fail
+    state = property(_fail)
+
+    def shutdown(self) -> None:
+        """Nothing to release."""
+
+
+_NO_BUS: Any = _NoBus()
+
+
+def _is_up(channel: str) -> bool:
+    """Whether Linux has this network interface up; it comes back down, until somebody or a rule of the system sets it up."""
+    try:
+        with open(f"/sys/class/net/{channel}/flags", encoding="ascii") as file:
+            return bool(int(file.read(), 16) & IFF_UP)
+    except (OSError, ValueError):
+        return True  # sending will tell
 
 
 def _open_bus(settings: dict[str, Any], *, meet: bool) -> can.BusABC:

@@ -35,7 +35,7 @@ from functools import partial
 from typing import NamedTuple
 
 from handctl.errors import LinkError
-from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing
+from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, RawAccess, nothing, unsent
 from handctl.system import clock, deadman_process, descriptors
 from handctl.system.deadman_process import DeadmanChild, Job
 
@@ -145,6 +145,13 @@ class Guard:
             self._start()
             self._raw_access.note_unfinished, self._raw_access.before = self.note_unfinished, self._watch
 
+    def follow(self, raw_access: RawAccess | None) -> None:
+        """The link was opened again, or is gone (None): the child gets that, and so do the outer guards'. Raises LinkError."""
+        guard: Guard | None = self
+        while guard is not None:
+            guard._raw_access, guard = raw_access, guard.outer
+        self.arm()
+
     def update(self, first: Sequence[EarlyWrite], heartbeat: float | None = None) -> None:
         """From now on these go out before the stop, and this process may be silent for `heartbeat` seconds. Raises LinkError."""
         self._first, self._heartbeat = first, self._heartbeat if heartbeat is None else heartbeat
@@ -228,10 +235,12 @@ def _device(stop: Stop) -> object:
 
 
 def _cannot(why: str) -> LinkError:
-    return LinkError(
-        f"the process that stops the device if handctl is killed cannot be started: {why}",
-        hint="end other programs, or allow more processes (ulimit -u).",
-        code="no-guard",
+    return unsent(
+        LinkError(
+            f"the process that stops the device if handctl is killed cannot be started: {why}",
+            hint="end other programs, or allow more processes (ulimit -u).",
+            code="no-guard",
+        )
     )
 
 
@@ -278,7 +287,7 @@ class _Raw(Link):
     """A descriptor of the system, without the library that has opened it."""
 
     def __init__(self, raw_access: RawAccess) -> None:
-        self._raw_access = raw_access
+        self._raw_access, self.elsewhere = raw_access, raw_access.elsewhere
 
     def put(self, data: bytes, deadline: Deadline) -> None:
         """Bytes as they are. Raises LinkError."""

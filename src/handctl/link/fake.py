@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble, options_in
+from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, Trouble, options_in, unsent
 from handctl.number_parsing import number_in
 from handctl.system import clock
 from handctl.system.user_folders import own_folder, private_folders
@@ -126,7 +126,7 @@ class _Simulated(Link):
                 self._stands = self._virtual, count
         self._line.advance(self.now())
         if self._line.hung_up:
-            raise self._hung_up()
+            raise unsent(self._hung_up())
         try:
             feed(*what)
         except OSError as exc:
@@ -141,6 +141,16 @@ class _Simulated(Link):
         if getattr(self._line, "pulled", False):
             return LinkError(f"{self.name}: the simulated port is gone", hint="the simulator unplugged it", code="lost")
         return LinkError(f"{self.name}: the simulated device hung up", hint="that is the disconnect fault", code="lost")
+
+    def _plugged_in(self) -> bool:
+        """Open the port again that was pulled. Raises LinkError while it is not there."""
+        self._line.advance(self.now())
+        if not getattr(self._line, "pulled", False):
+            return False  # it hung up for good: the fault disconnect
+        if self._line.away:
+            raise LinkError(f"{self.name}: no such port", hint="the simulator unplugged it", code="not-found")
+        self._line.reconnect()
+        return True
 
     def power_cycle(self) -> bool:
         self._line.advance(self.now())
@@ -200,20 +210,14 @@ class FakeLink(_Simulated, ByteLink):
         self._line.client_baud = baud
 
     def reopen(self) -> bool:
-        self._line.advance(self.now())
-        if not getattr(self._line, "pulled", False):
-            return False  # it hung up for good: the fault disconnect
-        if self._line.away:
-            raise LinkError(f"{self.name}: no such port", hint="the simulator unplugged it", code="not-found")
         self._rest = b""
-        self._line.reconnect()
-        return True
+        return self._plugged_in()
 
     def reconnect(self, seconds: float) -> bool:
         self._line.advance(self.now())
-        if self._line.hung_up:
-            return self.look_for(seconds)
         self._rest = b""
+        if self._line.hung_up:
+            return self.look_for(seconds, self._plugged_in)
         self._line.reconnect()
         return True
 
@@ -253,6 +257,13 @@ class FakeFrames(_Simulated, FrameLink):
 
     def resume(self) -> None:
         self._line.client_bitrate, self._line.taking_part = None, True
+
+    def reconnect(self, seconds: float) -> bool:
+        self._line.advance(self.now())
+        if not self._line.hung_up:
+            return False
+        self._arrived.clear()
+        return self.look_for(seconds, self._plugged_in)
 
     def receive(self, deadline: Deadline) -> CanFrame | None:
         now = self.now()

@@ -5,9 +5,9 @@ from __future__ import annotations
 from _thread import get_ident
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from handctl.errors import LinkError, UsageError
+from handctl.errors import HandctlError, LinkError, UsageError
 from handctl.fast_classes import NamedTuple
 from handctl.system import clock
 from handctl.wording import frame_text, plural
@@ -48,6 +48,15 @@ class CanFrame(NamedTuple):
         return frame_text(self.data, self.can_id)
 
 
+E = TypeVar("E", bound=HandctlError)
+
+
+def unsent(error: E, certain: bool = True) -> E:
+    """The error of a frame that the link did not take: the record of writes then lists it as not sent."""
+    error.unsent = certain
+    return error
+
+
 STALE_READS = 1000
 """A device that speaks unasked has filled the input meanwhile; more than this many pieces come from one that never pauses."""
 
@@ -68,6 +77,7 @@ class RawAccess:
     encode      a frame (its data, and the identifier on a CAN bus) as this link writes it
     decode      on a CAN bus: what was read -> the frames in it, and the rest; None where bytes are bytes
     baud        speed of a port in bit/s, None where there is none
+    elsewhere   as of its link
     before      called before anything is written; set by the guard
     owes        called with the rest of a frame that is half sent, and with b"" once it is out; set by the guard
     """
@@ -78,8 +88,10 @@ class RawAccess:
         encode: Callable[[bytes, int | None], bytes] | None = None,
         decode: Callable[[bytes], tuple[list[CanFrame], bytes]] | None = None,
         baud: int | None = None,
+        elsewhere: bool = False,
     ) -> None:
         self.descriptor = descriptor
+        self.elsewhere = elsewhere
         self.encode = encode or plain
         self.decode = decode
         self.baud = baud
@@ -88,7 +100,7 @@ class RawAccess:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """For another process: `before` and `note_unfinished` stay in this one."""
-        return RawAccess, (self.descriptor, self.encode, self.decode, self.baud)
+        return RawAccess, (self.descriptor, self.encode, self.decode, self.baud, self.elsewhere)
 
 
 LOOK_SECONDS = 0.05
@@ -107,6 +119,7 @@ class Link(ABC):
     silenced  nothing is sent any more, see `block_sending`
     over      nothing can come any more: a transcript that has been played to its end
     guard     the child that stops the device if this process dies (`deadman`), None = none
+    elsewhere it was lost and opened again for a stop: its name may lead to another device by now
     """
 
     name: str = ""
@@ -118,6 +131,7 @@ class Link(ABC):
     overheard: bool = False
     silenced: bool = False
     guard: Any = None
+    elsewhere: bool = False
 
     at_once = Deadline(float, float("-inf"))
     """Over on any clock: for what has arrived, without a wait."""
@@ -165,12 +179,12 @@ class Link(ABC):
         """
         return False
 
-    def look_for(self, seconds: float) -> bool:
+    def look_for(self, seconds: float, reopen: Callable[[], bool]) -> bool:
         """`reopen` a port that may come back within `seconds`, as a stop needs it. Raises LinkError where it does not."""
         bound = self.deadline(seconds)
         while True:
             try:
-                return self.reopen()
+                return reopen()
             except LinkError:
                 if bound.expired:
                     raise

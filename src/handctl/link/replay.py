@@ -16,7 +16,7 @@ from typing import BinaryIO
 
 from handctl.errors import LinkError, UsageError
 from handctl.files import transcript
-from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link
+from handctl.link.link_interface import ByteLink, CanFrame, Deadline, FrameLink, Link, unsent
 from handctl.link.transcript import Entry, parse_line
 from handctl.system import clock
 
@@ -224,7 +224,8 @@ class _Replayed(Link):
     def _ask(self, key: Key, text: str) -> None:
         index = found = self._recording.find(key, self._cursor)
         if found is None or index is None:
-            raise self._never(text)
+            first = self._incoming.first()
+            raise unsent(self._lost()) if first is not None and first[1] == LOST else self._never(text)
         if found < self._cursor and self._streams and self._recording.find(key, self._cursor - 1) == self._cursor - 1:
             index = self._cursor - 1  # once more than recorded: it goes on saying the same
         else:
@@ -233,6 +234,13 @@ class _Replayed(Link):
             self._cursor = index + 1
         self._asked = self._clock
         self._incoming.add(self._recording.replies(index), self._clock)
+
+    def _lost(self) -> LinkError:
+        return LinkError(
+            f"{self.name}: the link is lost at this point, as in the recording",
+            hint="check the cable and the adapter used for the recording",
+            code="lost",
+        )
 
     def _never(self, text: str) -> LinkError:
         return LinkError(
@@ -250,11 +258,7 @@ class _Replayed(Link):
             moment, key = self._incoming.take()
             self._clock = max(self._clock, moment)
             if key == LOST:
-                raise LinkError(
-                    f"{self.name}: the link is lost at this point, as in the recording",
-                    hint="check the cable and the adapter used for the recording",
-                    code="lost",
-                )
+                raise self._lost()
             return key
         if deadline.at != float("inf"):
             self._clock = max(self._clock, deadline.at)

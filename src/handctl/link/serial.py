@@ -24,6 +24,7 @@ from handctl.link.link_interface import (
     path_in,
     scheme_of,
     unknown_scheme,
+    unsent,
 )
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, serial_ports
@@ -195,7 +196,11 @@ class SerialLink(ByteLink):
         return None if "://" in self._device else serial_ports.descriptor(self._port)
 
     def reopen(self) -> bool:
-        """See Link. A URL leads to another program: what is lost there stays lost."""
+        """See Link."""
+        return self._open_again()
+
+    def _open_again(self) -> bool:
+        """A URL leads to another program: what is lost there stays lost."""
         if "://" in self._device:
             return False
         self.close()
@@ -206,11 +211,11 @@ class SerialLink(ByteLink):
 
     def reconnect(self, seconds: float) -> bool:
         """See Link. A contact that bounces brings the adapter back under its name within a second."""
-        return self.look_for(seconds)
+        return self.look_for(seconds, self._open_again)
 
     def write(self, data: bytes, deadline: Deadline) -> None:
         if self._fd == CLOSED:
-            raise self._lost(None)
+            raise unsent(self._lost(None))
         try:
             if self._raw_access is not None:
                 self._raw_access.before()
@@ -232,7 +237,9 @@ class SerialLink(ByteLink):
             except BlockingIOError as exc:
                 self._raw_access.note_unfinished(rest if len(rest) < len(data) else b"")
                 if not writable(self._fd, deadline.remaining):
-                    raise self._stuck() from exc
+                    raise unsent(self._stuck(), rest == data) from exc
+            except OSError as exc:
+                raise unsent(self._lost(exc), rest == data) from exc
         self._raw_access.note_unfinished(b"")
 
     def framing_errors(self) -> int | None:

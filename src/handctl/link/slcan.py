@@ -66,6 +66,7 @@ class SlcanBus(slcanBus):
     acks        kinds of acknowledgement errors that it reported unasked
     left        whether it said that its controller left the bus (bus off)
     damaged     lines that are no line of an adapter; the last of them is `damage`
+    whole       a line that could not be written is certain to lack its end
     """
 
     def __init__(self, channel: str, *, meet: bool = True, **options: Any) -> None:
@@ -176,6 +177,18 @@ class SlcanBus(slcanBus):
             except BlockingIOError:
                 if not writable(self._terminal, WRITE_SECONDS):
                     raise can.CanTimeoutError("the adapter does not accept data") from None
+
+    def shutdown(self) -> None:
+        """Like python-can's, which leaves the port open where the adapter is gone and takes no C."""
+        try:
+            super().shutdown()
+        finally:
+            self.serialPortOrig.close()
+
+    @property
+    def whole(self) -> bool:
+        """See the class. What pyserial has written before it failed is not known."""
+        return self._terminal is not None
 
     def recv(self, timeout: float | None = None) -> can.Message | None:
         """The next frame; None when there is none within `timeout`. There are no filters."""

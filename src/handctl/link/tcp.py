@@ -7,7 +7,7 @@ import socket
 import struct
 
 from handctl.errors import LinkError, UsageError
-from handctl.link.link_interface import ByteLink, Deadline, RawAccess
+from handctl.link.link_interface import ByteLink, Deadline, RawAccess, unsent
 from handctl.number_parsing import number_in
 from handctl.system.waits import connect, readable, writable
 
@@ -112,13 +112,14 @@ class TcpLink(ByteLink):
             except BlockingIOError as exc:
                 self._raw_access.note_unfinished(bytes(view) if len(view) < len(data) else b"")
                 if not writable(self._socket, deadline.remaining):
-                    raise LinkError(
+                    stuck = LinkError(
                         f"{self.name}: the other end no longer accepts data",
                         hint="check the device or its serial server, then run the command again",
                         code="write-timeout",
-                    ) from exc
+                    )
+                    raise unsent(stuck, len(view) == len(data)) from exc
             except OSError as exc:
-                raise self._lost(exc) from exc
+                raise unsent(self._lost(exc), len(view) == len(data)) from exc
         self._raw_access.note_unfinished(b"")
 
     def reconnect(self, seconds: float) -> bool:
@@ -128,8 +129,8 @@ class TcpLink(ByteLink):
         self._socket.close()
         self._socket = socket.socket(self._socket.family)
         try:
-            connect(self._socket, self._peer, max(seconds, 0.001))
             self._set_up()
+            connect(self._socket, self._peer, max(seconds, 0.001))
         except OSError as exc:
             raise LinkError(
                 f"{self.name}: cannot connect again: {exc.strerror or exc}", hint=TAKEN, code="cannot-open"

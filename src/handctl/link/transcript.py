@@ -22,7 +22,7 @@ from math import inf
 from typing import Any, NamedTuple, Protocol, TypeVar
 
 from handctl import interrupts
-from handctl.errors import LinkError, OutputError, UsageError
+from handctl.errors import HandctlError, LinkError, OutputError, UsageError
 from handctl.files import SPELLED, at_once, has_content, writing
 from handctl.interrupts import handing_over
 from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
@@ -163,12 +163,16 @@ def _overheard(link: Any) -> None:
         with _whole(link):
             if link.silenced:
                 raise KeyboardInterrupt
-            sent = link.now()
+            sent, unsent = link.now(), False
             try:
                 try:
                     speak(what, deadline)
+                except HandctlError as exc:
+                    unsent = exc.unsent
+                    raise
                 finally:
-                    tell(sent, ">", what)
+                    if not unsent:  # else it may have reached the device
+                        tell(sent, ">", what)
             except LinkError as exc:
                 failed(exc)
                 raise

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from functools import lru_cache, partial
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, ParamSpec, TypedDict, TypeVar
@@ -32,12 +32,12 @@ from handctl.model.param import PUSHES, Changes, Element, Number, Param, ParamMa
 from handctl.model.result import Column, Finding, Grid, Journal, Row, Table, hex_bytes
 from handctl.model.stop_on_interrupt import stopped_by_ctrl_c, stopped_by_error
 from handctl.model.stop_sequence import (
-    RECONNECT_SECONDS,
     StopContext,
     Stopped,
     StopPlan,
     StopSequence,
     context_for_link,
+    found_again,
     run_stop,
     stop_sequence_of,
 )
@@ -289,8 +289,6 @@ class Device(ABC):
         self._line = line
         self.about: dict[str, str] = {}
         """Model, firmware and serial number as far as they were read, whatever for."""
-        self._elsewhere = False
-        """The link was lost and opened again for a stop: its name may lead to another device by now."""
 
     @property
     def link(self) -> Link:
@@ -350,7 +348,7 @@ class Device(ABC):
     def stop_context(self) -> StopContext:
         """The context of its stop sequence: everything this program knows about it."""
         settings = self.options._replace(id=getattr(self._line, "id", self.options.id))
-        context = context_for_link(self.link, settings)._replace(fixed=True, proven=not self._elsewhere)
+        context = context_for_link(self.link, settings)._replace(fixed=True, proven=not self.link.elsewhere)
         going = tuple(one for one in self.journal.ledger.going if one is not None)
         return context if going in ((), ((self.kind, context.number),)) else context._replace(going=going)
 
@@ -361,7 +359,18 @@ class Device(ABC):
         return [StopPlan(one[0], context.of(own, one)) for one in dict.fromkeys(one or own for one in devices)]
 
     def stop(self, *, powered: bool = False) -> Stopped:
-        """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises."""
+        """Stop it by its family's plan, after --deadline too; `powered` as in `StopContext`. Never raises.
+
+        A link that was lost is opened again for that, where that can be done, and who is there is asked anew.
+        """
+        stopped = self._stopped(powered)
+        return self._stopped(powered) if stopped.error is LinkError and self.found_again() else stopped
+
+    def found_again(self) -> bool:
+        """Whether its link, which was lost, could be opened again for a stop. Never raises."""
+        return found_again(self.link)
+
+    def _stopped(self, powered: bool) -> Stopped:
         ledger = self.journal.ledger
         sequence = stop_sequence_of(self.kind, self.stop_context()._replace(powered=powered))
         return run_stop(self.link, sequence, ledger=ledger if ledger.words is not None else None)
@@ -410,17 +419,8 @@ class Device(ABC):
             yield guard
 
     def stopped_by_error(self, stop: Callable[[], Stopped], prompts: Prompts, who: str) -> AbstractContextManager[None]:
-        """Around a movement: an error stops it. A lost connection is opened again for that, where that can be done."""
-        return stopped_by_error(lambda: self.reached_again(stop), prompts, self.journal.counters, who)
-
-    def reached_again(self, stop: Callable[[], Stopped]) -> Stopped:
-        """The result of `stop`, once more where the connection was lost and could be opened again. Never raises."""
-        stopped = stop()
-        with suppress(LinkError):
-            if stopped.error is LinkError and self.link.reconnect(RECONNECT_SECONDS):
-                self._elsewhere = True
-                return stop()
-        return stopped
+        """Around a movement: an error stops it."""
+        return stopped_by_error(stop, prompts, self.journal.counters, who)
 
     # -- reading -------------------------------------------------------------------------------------------------
 

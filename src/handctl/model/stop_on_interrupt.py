@@ -33,6 +33,7 @@ def interrupt_error(stopped: Stopped, what: str = "") -> HandctlError:
 
 
 STOPPED_IT = "handctl has stopped it"
+STOPPED_EARLIER = "handctl has stopped what earlier commands had set in motion"
 INTERRUPTED_AGAIN = Stopped(
     "interrupted again while stopping the device", "switch the power off if the device is still moving", NoAnswer
 )

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from itertools import groupby
 from typing import TYPE_CHECKING
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 WRITE_SECONDS = 1.0
 RECONNECT_SECONDS = 1.0
-"""How long a connection that was lost is opened again for a stop."""
+"""How long a link that was lost is looked for, and a connection opened again, for a stop."""
 SILENCE = 0.3
 """Seconds without sending before a stopped device is checked again, and between two readings of its position.
 
@@ -256,18 +256,19 @@ class StopPlan:
         self._given = sequence
         self.sequence()  # imports the family's stopper now: later there may be no time, or no disk
 
-    def sequence(self) -> StopSequence:
-        """Its steps."""
-        return stop_sequence_of(self.device[0], self.context) if self._given is None else self._given(self.context)
+    def sequence(self, link: Link | None = None) -> StopSequence:
+        """Its steps over this link: who is there is asked anew where that was opened again since."""
+        context = self.context if link is None or not link.elsewhere else self.context._replace(proven=False)
+        return stop_sequence_of(self.device[0], context) if self._given is None else self._given(context)
 
     def begun(self, link: Link) -> StopExchange:
         """Its steps; what is left of it is still to be finished. Raises LinkError."""
-        exchange = StopExchange(link, self.sequence(), [])
+        exchange = StopExchange(link, self.sequence(link), [])
         exchange.begin()
         return exchange
 
     def __call__(self, link: Link) -> Stopped:
-        return exchange_steps(link, self.sequence(), [])
+        return exchange_steps(link, self.sequence(link), [])
 
     def __reduce__(self) -> tuple[object, ...]:
         return StopPlan, (self.device[0], self.context, self._given)
@@ -412,6 +413,22 @@ class StopExchange:
             if len(sent) > place:
                 sent[place] = sent[place]._replace(came=b"".join(pieces))
         return pieces
+
+
+def found_again(link: Link) -> bool:
+    """Whether a link that was lost could be opened again for a stop; who is there is asked anew then. Never raises."""
+    guard, found = link.guard, False
+    if guard is not None:
+        guard.disarm()  # it keeps the lost port open: an adapter that is plugged in again gets another name then
+    with suppress(HandctlError):
+        found = link.reconnect(RECONNECT_SECONDS)
+    link.elsewhere = link.elsewhere or found
+    if guard is not None:
+        with suppress(LinkError):
+            if (raw_access := link.raw_access()) is not None:
+                raw_access.elsewhere = link.elsewhere
+            guard.follow(raw_access)
+    return found
 
 
 def context_for_link(link: Link, settings: Settings) -> StopContext:

@@ -370,8 +370,9 @@ class Ledger:
 
     @property
     def unconfirmed(self) -> bool:
-        """Whether something went out and nothing shows what became of it."""
-        return any(self._state(write) == SENT for write in self._writes)
+        """Whether something went out and nothing shows what became of it, or a step of a stop behind it did not go out."""
+        unsent = self.began and any(same in self._stops for same, _ in self._plan)
+        return unsent or any(self._state(write) == SENT for write in self._writes)
 
     @staticmethod
     def _state(write: Write) -> str:

@@ -21,13 +21,13 @@ from handctl.link import ByteLink
 from handctl.model.result import hex_shown
 from handctl.model.stop_on_interrupt import NOT_STOPPED
 from handctl.model.stop_sequence import (
-    RECONNECT_SECONDS,
     RunningStop,
     Sent,
     StopContext,
     Stopped,
     StopSequence,
     context_for_link,
+    found_again,
     shown,
     stop_sequence_of,
     with_repeat_counts,
@@ -297,11 +297,9 @@ class DeviceAccess:
         sent: list[Sent] = []
         context = context_at(self._run, self.link)
         stopped = self._stopped_all(sent)
-        if stopped.error is LinkError:
-            with contextlib.suppress(LinkError):
-                if self.link.reconnect(RECONNECT_SECONDS):
-                    stopped = self._stopped_all(sent)
-                    stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
+        if stopped.error is LinkError and found_again(self.link):
+            stopped = self._stopped_all(sent)
+            stopped = stopped._replace(text=f"connected again after the connection was lost: {stopped.text}")
         if stopped.error is None and not self._run.writes:
             self.moving(self._run, None, False)
         stopped = self.judged(stopped, {*_devices(self._run, context), *self._at_rest})

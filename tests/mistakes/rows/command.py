@@ -155,7 +155,7 @@ ROWS = (
         "stop not sent",
         "handctl.command.connection",
         "Session._note_movement",
-        "self.in_motion.append(Mover(run, connection.name, plan))",
+        "self.in_motion.append(Mover(run, connection.name, plan, connection.link))",
         "pass",
         "tests/kernel/test_batch.py::test_ctrl_c_stops_what_earlier_lines_have_set_going",
         "tests/kernel/test_shell.py::test_ctrl_c_in_a_line_stops_what_an_earlier_one_has_set_going",

@@ -74,6 +74,10 @@ class AidinHand(Device):
 
     # -- reading -------------------------------------------------------------------------------------------------
 
+    def found_again(self) -> bool:
+        """See Device. `stopped_if_cut_short` does it, with the conversation."""
+        return False
+
     def stopped_by_error(self, stop: Callable[[], Stopped], prompts: Prompts, who: str) -> AbstractContextManager[None]:
         """See Device. A stop lets go what the hand holds: each movement decides which of its errors stop it (`stopped_on_error`)."""
         return nullcontext()

@@ -98,6 +98,7 @@ class CanLine(Controller, Cable):
     # -- time and frames ------------------------------------------------------------------------------------------
 
     def _begin(self, now: float) -> None:
+        super()._begin(now)
         self._traffic_due = now
 
     def _pass(self, now: float) -> None:
@@ -106,6 +107,8 @@ class CanLine(Controller, Cable):
         self.device.advance(self.now)
         self._collect()
         self._run(self.now)
+        if self._plug.used:
+            self._look()
 
     def send(self, can_id: int, data: bytes, extended: bool, remote: bool) -> None:
         if not self._begun:
@@ -155,6 +158,7 @@ class CanLine(Controller, Cable):
             bus,
             self._traffic_due if self._traffic else None,
             self.device.next_event() if self.device.powered else None,
+            self._plug.next_event(self.now) if self._plug.used else None,
         )
 
     def reconnect(self) -> None:

@@ -174,6 +174,8 @@ class Cable(Switched):
         self.device.faults = self._faults
         self.device.power(True)
         self.hung_up = False
+        self._plug = Plug(given["unplug"])
+        self.pulled = False  # the port went away, and no client has opened it since
         self.second = False  # another device than the first of its kind: what it measures differs a little
         self.now = 0.0
         self._begun = False
@@ -195,10 +197,26 @@ class Cable(Switched):
         self.device.set_faults(self._faults)
         self.device.dirty = False
 
+    @property
+    def away(self) -> bool:
+        """Whether the port is gone."""
+        return self.device.absent or self._plug.out(self.now)
+
     def reconnect(self) -> None:
         """A new client: what was on the wire is lost, the device goes on."""
-        self.hung_up = self._settled = False
+        self.hung_up = self.pulled = self._settled = False
         self._drop()
+
+    def _look(self) -> None:
+        """With the port goes what was on the wire."""
+        if self.away and not self.pulled:
+            self.pulled = self.hung_up = True
+            self._drop()
+
+    def command(self, text: str) -> str:
+        answer = super().command(text)
+        self._look()
+        return answer
 
     def advance(self, now: float) -> None:
         """Moves time on; the first call is the moment of power-on. A time before the last one is taken as the last."""
@@ -231,10 +249,14 @@ class Cable(Switched):
         return ",".join(sorted(self._faults)) or "none"
 
     def further(self, words: list[str]) -> str:
+        """Beside those of every device: unplug [SECONDS] | replug."""
+        if words[0] in ("unplug", "replug"):
+            return self._plug.command(words, self.now)
         self._settled = False
         answer = self.device.command(words)
         if words == ["help"]:
-            return f"power-cycle | power on|off | fault NAME[,NAME]|none | requests | {answer}"
+            commons = " | ".join((*PLUG_COMMANDS, "power-cycle", "power on|off", "fault NAME[,NAME]|none", "requests"))
+            return f"{commons} | {answer}"
         self._persist()
         return answer
 
@@ -253,7 +275,7 @@ class Cable(Switched):
 
     def _begin(self, now: float) -> None:
         """The moment of power-on."""
-        raise NotImplementedError
+        self._plug.begin(now)
 
     def _pass(self, now: float) -> None:
         """Moves time on to this moment, with all that happens until then."""
@@ -374,17 +396,9 @@ class Line(Cable):
         self._tx: list[_Segment] = []
         self._tx_free = 0.0
         self._previous = b""
-        self._plug = Plug(self.given["unplug"])
-        self.pulled = False  # the port went away, and no client has opened it since
-
-    @property
-    def away(self) -> bool:
-        """Whether the port is gone."""
-        return self.device.absent or self._plug.out(self.now)
 
     def reconnect(self) -> None:
         super().reconnect()
-        self.pulled = False
         self.device.reconnected()
 
     @property
@@ -405,9 +419,6 @@ class Line(Cable):
 
     # -- time and bytes -------------------------------------------------------------------------------------------
 
-    def _begin(self, now: float) -> None:
-        self._plug.begin(now)
-
     def _pass(self, now: float) -> None:
         if now > self.now:
             self.now, self._settled = now, False
@@ -422,24 +433,6 @@ class Line(Cable):
         if self._plug.used or device.absent:
             self._look()
         self._settled = True
-
-    def _look(self) -> None:
-        """With the port goes what was on the wire."""
-        if self.away and not self.pulled:
-            self.pulled = self.hung_up = True
-            self._drop()
-
-    def command(self, text: str) -> str:
-        answer = super().command(text)
-        self._look()
-        return answer
-
-    def further(self, words: list[str]) -> str:
-        """Beside those of every device: unplug [SECONDS] | replug."""
-        if words[0] in ("unplug", "replug"):
-            return self._plug.command(words, self.now)
-        answer = super().further(words)
-        return " | ".join((*PLUG_COMMANDS, answer)) if words == ["help"] else answer
 
     def feed(self, data: bytes) -> None:
         """Bytes that the client writes at the present time."""

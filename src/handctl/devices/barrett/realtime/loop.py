@@ -142,7 +142,7 @@ class RealtimeLoop:
         except LinkError as exc:
             if session.inside and self.controls is not None:
                 with self._guide.without_interrupts():
-                    stopped = self.hand.reached_again(self.hand.stop)
+                    stopped = self.hand.stop()
                 off = "switch the hand's power off now, because the motors keep their last velocity"
                 said = "" if stopped.error else f"{STOPPED_IT}: {stopped.text}"
                 exc.add_aftermath(
