@@ -19,6 +19,7 @@ import click
 from handctl import __version__
 from handctl.command.family import Family
 from handctl.command.options import (
+    CHOOSES,
     CONNECTION,
     OUTPUT,
     WRITING,
@@ -26,7 +27,6 @@ from handctl.command.options import (
     OutFile,
     SharedOption,
     command_line,
-    given_once,
     given_twice,
     lacking,
     own_options,
@@ -115,7 +115,8 @@ class Described(click.Command):
     _shared: list[click.Parameter] | None = None
     _parser: tuple[list[click.Parameter], Any] | None = None
     _once: Sequence[click.Option] = ()
-    """Options of which `_parser` keeps all values."""
+    """Options of which `_parser` keeps all values: two different ones contradict each other, for the option chooses the device, or what a
+    command that writes does. Of any other option the last one counts, as everywhere on Unix: an alias may hold the first one."""
 
     def refused(self) -> frozenset[str]:
         """Common options that this command cannot use, by key; "" means all options of the link.
@@ -157,16 +158,19 @@ class Described(click.Command):
             long, short = (getattr(made, name, None) for name in ("_long_opt", "_short_opt"))
             if isinstance(long, dict) and isinstance(short, dict):
                 long.update(short)
-                self._once = [
-                    one for one in params if isinstance(one, click.Option) and given_once(one, writes=self.writes)
-                ]
+                once = {}
                 for option in long.values():
-                    if option.obj in self._once:
-                        option.action = "append"
+                    one = option.obj
+                    contradicts = one.key in CHOOSES if isinstance(one, SharedOption) else self.writes
+                    if contradicts and not (one.multiple or one.is_flag or one.count):
+                        option.action, once[one.name] = "append", one
+                self._once = [*once.values()]
             self._parser = params, made
         made = self._parser[1]
         parser: Any = object.__new__(type(made))  # as `copy.copy`, which takes ten times as long
-        vars(parser).update(vars(made), ctx=ctx, parse_args=lambda args: self._parsed(parser, args))
+        vars(parser).update(vars(made), ctx=ctx)
+        if self._once:
+            parser.parse_args = partial(self._parsed, parser)
         return parser
 
     def _parsed(self, parser: Any, args: list[str]) -> tuple[dict[str, Any], list[str], list[click.Parameter]]:

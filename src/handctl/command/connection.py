@@ -98,8 +98,11 @@ class Connection:
 
     @property
     def stopped(self) -> HandctlError | None:
-        """How the device was stopped on the wish of another process or thread; None where it was not."""
-        return self.device_access.how_stopped() if self.device_access is not None else None
+        """How the device was stopped on the wish of another process or thread, once such a stop is over; None where it was not."""
+        if self.device_access is None:
+            return None
+        with self.device_access.turn:
+            return self.device_access.stopped
 
     def close(self, failure: HandctlError | None, journal: Journal) -> HandctlError | None:
         """Release everything; how the device was stopped, `failure`, or what went wrong here. May be called twice."""

@@ -182,16 +182,6 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 """They edit what the named devices are made of, so they must not need one."""
 
 
-def given_once(option: click.Option, *, writes: bool) -> bool:
-    """Whether two different values of an option contradict each other: it chooses the device, or what a command that `writes` does.
-
-    Of any other option the last one counts, as everywhere on Unix: an alias may hold the first one.
-    """
-    if option.multiple or option.is_flag or option.count:
-        return False
-    return option.key in CHOOSES if isinstance(option, SharedOption) else writes
-
-
 def given_twice(option: click.Option, values: Sequence[str]) -> UsageError:
     """The error of an option with these different values."""
     hint = "leave one of them out"

@@ -98,7 +98,7 @@ class DeviceAccess:
         """Others are heard from now on, but by a command that stops itself."""
         self.stopped: HandctlError | None = None
         self.link: Link | None = None
-        self._turn = RLock()  # no link is closed while it is being stopped
+        self.turn = RLock()  # no link is closed while it is being stopped
         self._report: dict[str, Any] | None = None
         self._run = run
         self._lock: Lock | None = None
@@ -237,14 +237,9 @@ class DeviceAccess:
         found: list[dict[str, Any]] = self._report["rows"] if self._report is not None else []
         return found
 
-    def how_stopped(self) -> HandctlError | None:
-        """The same as `stopped`, once a stop that another thread runs just now is over."""
-        with self._turn:
-            return self.stopped
-
     def finish(self) -> None:
         """Call before the link is closed: a stop request from now on is told that this command is ending. Waits for one in another thread."""
-        with self._turn:
+        with self.turn:
             self.link = None
 
     def release(self) -> None:
@@ -259,7 +254,7 @@ class DeviceAccess:
 
         What only reads lets go of the link at once where another device on its line is `meant`, see `stop_listener.is_meant`.
         """
-        with self._turn:
+        with self.turn:
             if meant and self._run.may_write is False and self.link is not None and self.stopped is None:
                 from handctl.stop.stop_listener import is_meant
 
@@ -278,7 +273,7 @@ class DeviceAccess:
 
     def stop_from_outside(self, who: str) -> HandctlError | None:
         """The same in another thread than the command's, which is interrupted; None where no link is open. Never raises."""
-        with self._turn:
+        with self.turn:
             if self.link is not None:
                 self.link.only_this_thread()
             self._stop(who)
