@@ -26,7 +26,9 @@ def fed(goal: Goal, still: Stillness, *values: AxisReading | int | None, period:
 @each_row(
     ("values", "ended", "verdict"),
     [
-        ((0, 50, 100), [False, False, True], "reached"),
+        ((0, 50, 100, 100, 100), [False] * 4 + [True], "reached"),
+        ((90, 100, 110), [False] * 3, "moving"),  # it passes by its target
+        ((50, 100), [False] * 2, "moving"),
         ((0, 97, 97, 97), [False, False, False, True], "reached"),
         ((0, 94, 94, 94), [False, False, False, True], "short"),
         ((0, 50, 60), [False, False, False], "moving"),
@@ -74,8 +76,7 @@ def test_when_an_axis_has_ended(values: tuple[AxisReading | int | None, ...], en
             "short",
         ),
         (GOAL, STILL._replace(short=0.45), [AxisReading(50, moves=False)] * 4, [False] * 4, "moving"),
-        (GOAL, STILL._replace(passes=True), (90, 100, 110), [False] * 3, "moving"),
-        (GOAL, STILL._replace(passes=True), (100, 100, 100), [False, False, True], "reached"),
+        (GOAL, STILL._replace(least=0.35), (100, 100, 100), [False, False, True], "reached"),
     ],
 )
 def test_what_a_family_knows_of_its_movements(

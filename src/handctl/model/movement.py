@@ -1,8 +1,8 @@
 """Watch a movement until every axis has ended, and judge the result of each against --expect. Knows no device.
 
-An axis has ended its movement when it is exactly at its target, when the device reports that something blocks it, or
-when it has stopped: a number of equal readings over a time that the family defines (`Stillness`). Short of the target that
-time is longer: a movement may begin late, or pause. The result is one of
+An axis has ended its movement when the device reports that something blocks it, or when it has stopped: a number of
+equal readings over a time that the family defines (`Stillness`). At its target too: one that does not obey may be seen
+exactly there as it passes by. Short of the target that time is longer: a movement may begin late, or pause. The result is one of
 
     reached   it is at its target
     contact   it stopped before its target, and the device reports an object or a stall, or its force shows a push, or its
@@ -72,10 +72,9 @@ class Stillness(NamedTuple):
     samples, seconds  so many readings in a row, over so long a time, do not differ by more than the goal's `jitter`
     refresh           seconds between two readings: asking faster only repeats values
     dead              seconds from the command until a movement begins: before that nothing has ended
-    least             seconds that the movement takes: before that only the target itself is an end
+    least             seconds that the movement takes: before that only standing exactly at its target is an end
     grace             seconds for which standing short of the target is no end yet
     short             seconds at rest that are an end short of the target, unless the device reports one: it may begin late, or pause
-    passes            an axis may be exactly at its target and pass by it: it has to stand there
     pushing           current of an actuator that stands and pushes something; half of that it must have risen since the start
     draws             such a current in words
     """
@@ -87,7 +86,6 @@ class Stillness(NamedTuple):
     least: float = 0.0
     grace: float = 0.0
     short: float = 0.0
-    passes: bool = False
     pushing: Number = 0
     draws: str = "it draws {} mA"
 
@@ -210,10 +208,6 @@ class _Axis:
         self.equal += 1
 
     @property
-    def exact(self) -> bool:
-        return self.seen.value is not None and self.seen.value == self.goal.target
-
-    @property
     def near(self) -> bool:
         value, target = self.seen.value, self.goal.target
         return value is not None and target is not None and abs(value - target) <= self.goal.near
@@ -259,9 +253,10 @@ class Watch:
         lasted = self.now - self.begun
         if axis.seen.value is None or (self.still.dead and lasted <= self.still.dead):
             return False
-        if self._stopped_by_fault(axis) or (axis.exact and not self.still.passes):
+        if self._stopped_by_fault(axis):
             return True
-        return self._rests(axis) and lasted >= max(self.still.least, 0.0 if axis.near else self.still.grace)
+        least = 0.0 if axis.seen.value == axis.goal.target else self.still.least
+        return self._rests(axis) and lasted >= max(least, 0.0 if axis.near else self.still.grace)
 
     @property
     def short(self) -> list[str]:
@@ -283,7 +278,7 @@ class Watch:
             return Arrival(goal, None, UNREAD)
         if self._stopped_by_fault(axis):
             return Arrival(goal, value, BLOCKED, axis.seen.blocked)
-        if (axis.exact and not self.still.passes) or (near and not (axis.moved and not self._rests(axis))):
+        if near and not (axis.moved and not self._rests(axis)):
             return Arrival(goal, value, REACHED)
         if goal.speed == 0 and not axis.moved:
             return Arrival(goal, value, NO_SPEED)

@@ -466,6 +466,15 @@ ROWS = (
         "tests/kernel/test_openmetrics.py::test_what_says_nothing_of_the_device_writes_nothing",
     ),
     mistake(
+        "an-axis-that-passes-by-its-target-has-ended",
+        "success without evidence",
+        "handctl.model.movement",
+        "Watch._ended",
+        "if self._stopped_by_fault(axis):",
+        "if self._stopped_by_fault(axis) or axis.seen.value == axis.goal.target:",
+        "tests/kernel/test_movement.py::test_when_an_axis_has_ended",
+    ),
+    mistake(
         "moving-is-not-seen",
         "success without evidence",
         "handctl.model.movement",

@@ -238,9 +238,7 @@ LOOKS = 50
 """Looks that these seconds have at least: a program that the system held up has not seen the hand yet."""
 PUSHING = 200
 """Per mille of the rated current: a motor that stands and draws more pushes something. Ours, the manual has no figure."""
-STILL = Stillness(
-    samples=3, seconds=0.2, grace=ARRIVE, passes=True, pushing=PUSHING, draws="a motor draws {} per mille"
-)
+STILL = Stillness(samples=3, seconds=0.2, grace=ARRIVE, pushing=PUSHING, draws="a motor draws {} per mille")
 """A target is reached when the element was near it for so long: one that passes by, or still comes nearer, is not there."""
 GOES_ON = "no stop was sent, so the hand probably continues to its last target. `handctl aidin stop` frees it"
 HOLDS = "reached. Nothing more is sent, and the hand probably holds its position"
