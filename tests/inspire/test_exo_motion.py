@@ -507,7 +507,10 @@ def test_a_release_without_an_answer_is_told() -> None:
     with pytest.raises(HandctlError) as caught:
         procedures.command(hand, "force", dict.fromkeys(range(5), 100), Prompts())
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
-    assert [hexed(data) for data in link.sent[1:]] == [RELEASE] * 7, "for a second, and no hold without a place"
+    where = "EB 90 01 04 11 0A 06 0C 32"
+    assert [hexed(data) for data in link.sent[1:]] == [RELEASE] * 7 + [where], (
+        "for a second, and no hold without a place"
+    )
     assert "power off" in caught.value.hint
 
 

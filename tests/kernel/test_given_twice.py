@@ -33,10 +33,11 @@ def contradicting(leaf: Leaf) -> Iterator[tuple[click.Option, bool]]:
 
 @each_row("leaf", [leaf for leaf in leaves(root) if isinstance(leaf.command, Command)])
 def test_what_chooses_the_device_or_what_is_written_is_given_once(leaf: Leaf) -> None:
-    """Two that are alike are one. A stop goes out without an option of its own: it is for all then."""
+    """Two that are alike are one. A stop goes out without an option of its own, for all then, and with the last id."""
     for option, refuses in contradicting(leaf):
         name = option.opts[-1]
-        urgent = leaf.command.stops and not isinstance(option, SharedOption)  # type: ignore[attr-defined]
+        told = isinstance(option, SharedOption) and option.key != "id"
+        urgent = leaf.command.stops and not told  # type: ignore[attr-defined]
         try:
             taken([*leaf.words, name, "1", name, "2"])
         except UsageError as exc:
@@ -56,10 +57,16 @@ def test_of_any_other_option_the_last_one_counts_and_a_level_is_not_another() ->
     assert run("-p", "fake://exo?seed=1", "exo", "--id", "3", "get", "id", "-p", link, "--id", "1").code == 0
     assert run("exo", "get", "id", "-p", link, "-p", link).code == 0
     for words in (("-p", link, "-p", "fake://exo"), ("-p", link, "--id", "1", "--id", "2"), ("-d", "a", "--device=b")):
-        for verb in ("get", "stop"):
-            result = run("exo", verb, *(["id"] if verb == "get" else []), *words, "--json")
-            assert (result.code, result.rows) == (2, []), (words, result)
-            assert result.error["code"] == ("twice" if words[0] != "-d" or verb == "get" else "unknown-device"), result
+        result = run("exo", "get", "id", *words, "--json")
+        assert (result.code, result.rows, result.error["code"]) == (2, [], "twice"), (words, result)
+    for words, code in ((("-p", link, "-p", "fake://exo"), "twice"), (("-d", "a", "--device=b"), "unknown-device")):
+        result = run("exo", "stop", *words, "--json")
+        assert (result.code, result.rows, result.error["code"]) == (2, [], code), (words, result)
+
+
+def test_a_stop_with_two_ids_is_for_the_last_one_at_once() -> None:
+    result = run("exo", "stop", "-p", "fake://exo?clock=virtual", "--id", "2", "--id", "1", "--json")
+    assert (result.code, result.said[0], result.json["device"]["id"]) == (0, "passed-over", 1), result
 
 
 def test_a_stop_with_two_choices_of_motors_is_for_all(tmp_path: Path) -> None:

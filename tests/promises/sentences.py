@@ -37,7 +37,7 @@ def sentences() -> list[str]:
 
 
 COVERED: Mapping[str, tuple[str, str]] = {
-    "Only two different `-p` or `--id` side by side": (
+    "Only two different `-p` side by side": (
         "kernel/test_given_twice.py",
         "test_of_any_other_option_the_last_one_counts",
     ),

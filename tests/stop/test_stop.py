@@ -339,7 +339,8 @@ def test_silence_is_said_plainly(typed: str) -> None:
     sent: list[Sent] = []
     stopped = exchange_steps(ScriptedLink(), stop_sequence_of(typed, StopContext(Settings())), sent)
     assert stopped.error is NoAnswer and "switch the power off" in stopped.hint
-    assert [one.reads for one in sent] == [True, *([typed == "wrist"] * len(sent[1:]))]
+    last = [True]  # an exo is asked once more where it is
+    assert [one.reads for one in sent] == [True, *([typed == "wrist"] * len(sent[1:-1])), *last]
     assert len(sent) >= 5, "again and again"
     unacknowledged = exchange_steps(
         late_wrist(0.01, acknowledges=False), stop_sequence_of("wrist", StopContext(Settings())), []
@@ -385,8 +386,9 @@ def test_an_echo_or_other_bytes_are_not_silence(typed: str) -> None:
 def test_a_hand_that_does_not_answer_is_sent_its_stop() -> None:
     result = run("exo", "stop", "-p", fake(fault="silent"), "--json")
     assert (result.code, result.error["code"]) == (4, "no-answer"), result
-    asked, forces = result.rows
+    asked, forces, where = result.rows
     assert (asked["bytes"], forces["bytes"]) == ("EB 90 01 04 30 00 04 02 3B", HOW["exo"].stop[0].hex(" ").upper())
+    assert where["bytes"] == "EB 90 01 04 11 0A 06 0C 32", "it may be read all the same"
     assert forces["times"] >= 5, "and nothing that holds FF"
 
 

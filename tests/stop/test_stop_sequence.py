@@ -40,6 +40,49 @@ def test_a_hold_that_is_not_acknowledged_is_no_stop(places: str, last: str) -> N
     )
 
 
+def reads_only(*, hold: bool, forces: str = "") -> ScriptedLink:
+    """A hand whose acknowledgements are lost, but for that of a `hold`, and that can be read: `forces` are in its registers."""
+    held = PLACES[10:30]
+    reads = {"0A060C": f"{held}F401", "CE050A": held, "DA050A": forces}
+
+    def answer(request: bytes) -> list[Reply]:
+        said = request.hex().upper()
+        data = reads.get(said[10:16]) if said[8:10] == "11" else None
+        if data:
+            return [(0.01, summed(f"90EB01{3 + len(data) // 2:02X}11{said[10:14]}{data}"))]
+        return [(0.01, summed(f"90EB010B32{held}"))] if hold and said[8:10] == "32" else []
+
+    return ScriptedLink(answer)
+
+
+@each_row(
+    ("hold", "forces", "error", "said"),
+    [
+        (False, "", NoAnswer, "acknowledged neither"),
+        (False, "00" * 10, NoAnswer, "acknowledged neither"),
+        (True, "00" * 10, None, "registers read 0 for each"),
+        (True, "6400" * 5, NoAnswer, "unknown whether they are"),
+        (True, "", NoAnswer, "unknown whether they are"),
+    ],
+)
+def test_a_hand_that_acknowledges_no_forces_is_held_where_it_reads(
+    hold: bool, forces: str, error: type[Exception] | None, said: str
+) -> None:
+    """Else it would go on to its target: forces of 0 need not end a movement (the manual does not say)."""
+    link = reads_only(hold=hold, forces=forces)
+    stopped = exchange_steps(link, stop_sequence_of("exo", StopContext(Settings())), [])
+    assert (stopped.error, said in stopped.text) == (error, True), stopped
+    first = summed("EB90010B3284038E039803A203AC03")
+    assert link.sent.index(first) > link.sent.index(RELEASE) and link.now() < 5.0, link.sent
+    assert link.sent.count(first) in (1, 2) if hold else link.sent.count(first) > 5, link.sent
+
+
+def test_a_silent_hand_is_not_waited_for_twice() -> None:
+    link = ScriptedLink()
+    assert exchange_steps(link, stop_sequence_of("exo", StopContext(Settings())), []).error is NoAnswer
+    assert link.now() < 1.3, link.now()
+
+
 def test_the_command_says_so_too(tmp_path: Path) -> None:
     """The same on a recording: the frame of the forces is confirmed, the hold was only sent."""
     sequence = stop_sequence_of("exo", StopContext(Settings()))

@@ -184,11 +184,13 @@ class Described(click.Command):
             found[option.name] = values[-1]
             if len(values) == 1 or ctx.resilient_parsing:
                 continue
-            error = given_twice(option, values)
-            if isinstance(option, SharedOption) or not command_line(ctx).stopping:
-                raise error
-            command_line(ctx).unfit.append(error)  # a stop goes out without it, to all that it could mean
-            del found[option.name]
+            stopping = command_line(ctx).stopping
+            if not stopping or (isinstance(option, SharedOption) and option.key != "id"):
+                raise given_twice(option, values)
+            # It does not hold up a stop: that is for all that an option of its own could mean, and for the last id.
+            command_line(ctx).unfit.append(given_twice(option, values, stopping=True))
+            if not isinstance(option, SharedOption):
+                del found[option.name]
         return found, rest, order
 
     def get_help_option(self, ctx: click.Context) -> click.Option:

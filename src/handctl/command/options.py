@@ -182,11 +182,14 @@ WITHOUT_DEVICE = ("devices list", "devices add", "devices remove")
 """They edit what the named devices are made of, so they must not need one."""
 
 
-def given_twice(option: click.Option, values: Sequence[str]) -> UsageError:
+def given_twice(option: click.Option, values: Sequence[str], *, stopping: bool = False) -> UsageError:
     """The error of an option with these different values."""
     hint = "leave one of them out"
-    if isinstance(option, SharedOption) and option.key == "device":
-        hint = f"for both, give -d {','.join(values)}"
+    if isinstance(option, SharedOption):
+        if option.key == "device":
+            hint = f"for both, give -d {','.join(values)}"
+        elif stopping:
+            hint = f"the stop is for {values[-1]}. Run it for the other one too"
     text = f"{max(option.opts, key=len)} is given twice, as {' and '.join(values)}"
     return UsageError(text, hint=hint, code="twice")
 

@@ -44,8 +44,8 @@ class HoldTries:
         self._count += 1
         return self._count <= 2 or (self._left > 0 and self._count <= attempts(self._context))
 
-    def sent(self, before: StepResult[Any]) -> None:
-        """A hold went out behind this step."""
+    def sent(self, before: StepResult[Any] | None) -> None:
+        """A hold went out behind this step, or behind none that was repeated."""
         self._left -= patience(self._context, before)
 
 

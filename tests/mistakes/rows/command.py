@@ -307,10 +307,10 @@ ROWS = (
     mistake(
         "of-two-ports-one-is-picked",
         "one witness believed",
-        "handctl.command.options",
-        "given_once",
-        "return option.key in CHOOSES if isinstance(option, SharedOption) else writes",
-        "return False",
+        "handctl.command.command_tree",
+        "Described.make_parser",
+        "contradicts = one.key in CHOOSES if isinstance(one, SharedOption) else self.writes",
+        "contradicts = False",
         "tests/kernel/test_given_twice.py::test_what_chooses_the_device_or_what_is_written_is_given_once",
     ),
     mistake(
@@ -318,7 +318,7 @@ ROWS = (
         "stop not sent",
         "handctl.command.command_tree",
         "Described._parsed",
-        "if isinstance(option, SharedOption) or not command_line(ctx).stopping:",
+        'if not stopping or (isinstance(option, SharedOption) and option.key != "id"):',
         "if True:",
         "tests/kernel/test_given_twice.py::test_a_stop_with_two_choices_of_motors_is_for_all",
     ),

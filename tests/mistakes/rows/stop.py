@@ -1354,4 +1354,22 @@ ROWS = (
         "return Stopped('', error=NoAnswer)",
         "tests/stop/test_whose.py::test_a_stop_that_pauses_sends_all_that_it_would_have_sent",
     ),
+    mistake(
+        "exo-stop-holds-nothing-where-the-forces-are-not-acknowledged",
+        "stop not sent",
+        "handctl.devices.inspire.exo.stopper",
+        "stop_steps",
+        "if where is None or answer(came, wrist):",
+        "if not released:",
+        "tests/stop/test_stop_sequence.py::test_a_hand_that_acknowledges_no_forces_is_held_where_it_reads",
+    ),
+    mistake(
+        "exo-stop-without-forces-is-a-stop",
+        "evidence believed",
+        "handctl.devices.inspire.exo.stopper",
+        "stop_steps",
+        "if not (released or zero):",
+        "if False:",
+        "tests/stop/test_stop_sequence.py::test_a_hand_that_acknowledges_no_forces_is_held_where_it_reads",
+    ),
 )

@@ -1,12 +1,12 @@
 """The stop of an EH55BF1: all forces to 0, then every finger is commanded to hold its position. The manual has no stop command.
 
 The forces need no place. Their answer tells where the fingers are (exo §2.2.1), and that a hand is there at all: so a hold
-is always from a place just read. A finger whose reading is no position is left alone, and the others are held. The same bytes would be a write to a wrist: one quick read looks for that first.
+is always from a place just read, and one that acknowledges no forces is asked for it. A finger whose reading is no position is left alone, and the others are held. The same bytes would be a write to a wrist: one quick read looks for that first.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
@@ -26,7 +26,7 @@ from handctl.devices.inspire.stop_requests import (
 )
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.stop_repetition import HoldTries, behind, repeat_until_answered
+from handctl.model.stop_repetition import HoldTries, behind, interval, repeat_until_answered
 from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, StopSequence, StopStep
 
 POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
@@ -59,13 +59,23 @@ def stop_steps(context: StopContext) -> StopSequence:
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late, verdict = "", False, None
     answers: Pieces = []
+    released = True
     tries = HoldTries(context)
     while tries.another():
-        heard = yield from repeat_until_answered(context, force, lambda pieces: answer(pieces, told), ahead=wire.first)
-        came += heard.came
-        if heard.found is None:
+        heard = where = None
+        if released:
+            forced = yield from repeat_until_answered(
+                context, force, lambda pieces: answer(pieces, told), ahead=wire.first
+            )
+            came += forced.came
+            released = forced.found is not None
+            if forced.found is not None:
+                heard, where = forced, forced.found.payload
+        if not released:
+            where = yield from _asked_once(wire)
+        if where is None or answer(came, wrist):
             break
-        places = eb90.unpack_s16(heard.found.payload)[: len(FINGERS)]
+        places = eb90.unpack_s16(where)[: len(FINGERS)]
         axes = Axes(FINGERS, places, [hold_place(place) for place in places])
         step, taken, meaning = hold(wire, axes.targets)
         action = StopStep(step, 0.0, lambda pieces, taken=taken: taken(pieces) == TAKEN)  # type: ignore[misc]
@@ -81,11 +91,21 @@ def stop_steps(context: StopContext) -> StopSequence:
                 late = True  # the answer was that of a force that was commanded before: it begins alike
                 continue
             wanted = [None] * len(wanted)  # this hand does not show its commands there (the manual does not say)
+        zero = now is not None and not any(now[len(FINGERS) :])
         done = f"the hand acknowledged two commands: all forces to 0, then {meaning}{axes.at_end}. The manual documents no stop"
+        if not released:
+            read = "its registers read 0 for each" if zero else "it is unknown whether they are"
+            done = f"the hand acknowledged the command to {meaning}{axes.at_end}, but not the one that sets all forces to 0: {read}"
         stopped, last = yield from check_again(
             Stopped(done), lambda: _places(wire), lambda: _targets(wire), wanted, NOISE, axes.targets
         )
+        if not (released or zero):
+            stopped = Stopped(stopped.text, stopped.hint or POWER, stopped.error or NoAnswer)
         return axes.judge(stopped, [hold_place(place) for place in last], POWER)
+    if not released and meaning:
+        text = f"handctl commanded all forces to 0, then {meaning}, but the hand acknowledged neither, although it can be read"
+        seen = instead([*came, *answers])
+        return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)
     if verdict == REFUSED:
         text = f"the hand acknowledged the command that sets all forces to 0, but refused the next one: {meaning}"
         return Stopped(text, POWER, DeviceRefused)
@@ -118,6 +138,12 @@ def _places(wire: Wire) -> Read:
     """The positions of the five fingers. Nothing drives the sixth, the rotation of the thumb: only its wearer moves it."""
     places = yield from wire.values(POSITION_ACTUAL, MEASURED)
     return None if places is None else places[: len(FINGERS)]
+
+
+def _asked_once(wire: Wire) -> Generator[StopStep, Pieces, bytes | None]:
+    """The positions, if they come at once: whoever has not acknowledged the forces may still tell where it is."""
+    step, found = wire.asking(POSITION_ACTUAL, 2 * MEASURED)
+    return found((yield StopStep(step, interval(wire.context), lambda pieces: found(pieces) is not None, reads=True)))
 
 
 def hold_place(place: int) -> int | None:
