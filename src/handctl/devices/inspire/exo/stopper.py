@@ -59,19 +59,19 @@ def stop_steps(context: StopContext) -> StopSequence:
     told = eb90.command_reply_prefix(number, eb90.FORCE_COMMAND)
     meaning, late, verdict = "", False, None
     answers: Pieces = []
-    released = True
+    released, acknowledges = False, True
     tries = HoldTries(context)
     while tries.another():
         heard = where = None
-        if released:
+        if acknowledges:
             forced = yield from repeat_until_answered(
                 context, force, lambda pieces: answer(pieces, told), ahead=wire.first
             )
             came += forced.came
-            released = forced.found is not None
+            acknowledges = forced.found is not None
             if forced.found is not None:
-                heard, where = forced, forced.found.payload
-        if not released:
+                released, heard, where = True, forced, forced.found.payload
+        if not acknowledges:
             where = yield from _asked_once(wire)
         if where is None or answer(came, wrist):
             break
@@ -102,15 +102,14 @@ def stop_steps(context: StopContext) -> StopSequence:
         if not (released or zero):
             stopped = Stopped(stopped.text, stopped.hint or POWER, stopped.error or NoAnswer)
         return axes.judge(stopped, [hold_place(place) for place in last], POWER)
-    if not released and meaning:
-        text = f"handctl commanded all forces to 0, then {meaning}, but the hand acknowledged neither, although it can be read"
-        seen = instead([*came, *answers])
-        return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)
+    forces = "the command that sets all forces to 0"
     if verdict == REFUSED:
-        text = f"the hand acknowledged the command that sets all forces to 0, but refused the next one: {meaning}"
-        return Stopped(text, POWER, DeviceRefused)
+        first = f"acknowledged {forces}, but" if released else f"did not acknowledge {forces}, and"
+        return Stopped(f"the hand {first} refused the next one: {meaning}", POWER, DeviceRefused)
     if meaning:
-        text = f"the hand acknowledged the command that sets all forces to 0, but not the next one: {meaning}"
+        text = f"the hand acknowledged {forces}, but not the next one: {meaning}"
+        if not released:
+            text = f"the hand can be read, but acknowledged neither {forces} nor the next one: {meaning}"
         seen = instead(answers)
         return Stopped(f"{text}: {seen}" if seen else text, POWER, ProtocolError if seen else NoAnswer)
     if answer(came, wrist):
