@@ -764,11 +764,11 @@ def test_ctrl_c_leaves_whole_rows(tmp_path: Path) -> None:
     assert recording.rows == len(table(path)) == 3
 
 
-@each_row("where", ["ask_ahead", "line", "on_row"])
+@each_row("where", ["ask_ahead", "made", "line", "on_row"])
 def test_ctrl_c_behind_an_answer_leaves_its_row_once(tmp_path: Path, where: str) -> None:
     device = Device(steady(9))
     recording = opened(tmp_path / "a.csv", device)
-    of: Any = {"ask_ahead": device, "line": device.layout, "on_row": recording}[where]
+    of: Any = {"ask_ahead": device, "made": device, "line": device.layout, "on_row": recording}[where]
     usual, calls = getattr(of, where), iter(range(9))
 
     def interrupted(*args: Any) -> Any:

@@ -196,7 +196,7 @@ class Loop:
         if lost is not None:
             raise lost
         if self._limits.over is not None:
-            self._over = self._limits.over(answer.rows(), recording.timeline.t_s)
+            self._over = self._limits.over(self._source.made(answer).rows(), recording.timeline.t_s)
         if self._heard - self._shown >= PROGRESS_S:
             self._shown = self._heard
             with contextlib.suppress(OSError):  # a terminal that went away
@@ -206,8 +206,8 @@ class Loop:
 
     def _write(self) -> bool:
         """Write the row of what was answered, unless it is there already; see `Recording.add`."""
-        answer = self._answer
-        return answer is not None and self._recording.seq != self._seq and self._recording.add(answer, self._seq)
+        answer, recording = self._answer, self._recording
+        return answer is not None and recording.seq != self._seq and recording.add(self._source.made(answer), self._seq)
 
     def _ask_ahead(self) -> LinkError | KeyboardInterrupt | None:
         """Ask for the row after this one where it is wanted.

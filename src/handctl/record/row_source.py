@@ -54,6 +54,10 @@ class Source(ABC):
     def sample(self) -> Sample:
         """Ask for one row."""
 
+    def made(self, sample: Sample) -> Sample:
+        """The same with what takes time to make of the answer: the next row is asked for before that."""
+        return sample
+
     @abstractmethod
     def settings(self) -> Mapping[str, Mapping[str, Any]]:
         """Its settings by name, each with `value`, `unit` and the family's own keys."""

@@ -40,8 +40,12 @@ class EksoSource(Source):
         self._ekso, self._port, self._again, self._personal = ekso, ekso.port, again, personal
 
     def sample(self) -> Sample:
-        words = self._port.read(Command.GET_DATA).words
-        return Sample(self._port.moment, words, boot_ms(words), lambda: self._ekso.rows_of("data", words))
+        frame = self._port.read(Command.GET_DATA)
+        return Sample(self._port.moment, frame)
+
+    def made(self, sample: Sample) -> Sample:
+        words = sample.values.words
+        return Sample(sample.moment, words, boot_ms(words), lambda: self._ekso.rows_of("data", words))
 
     def ask_ahead(self) -> None:
         self._port.send_ahead(Command.GET_DATA)
