@@ -311,7 +311,7 @@ def connect(family: str, link: Any = None, **settings: Any) -> Device:
     """
     try:
         if link is None:
-            from handctl.command.config import read_config
+            from handctl.command.config_file import read_config
 
             device = read_config().find(family)
             settings = {key: entry.value for key, entry in device.entries.items()} | settings

@@ -21,7 +21,7 @@ from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.hand.probe import TARGET
 from handctl.devices.inspire.hand.register_map import DF, TP
 from handctl.devices.inspire.hand.tactile import ZONES, tactile
-from handctl.devices.inspire.id_and_baud_search import FIRST_SECONDS, LATE_SECONDS
+from handctl.devices.inspire.id_search import FIRST_SECONDS, LATE_SECONDS
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.modbus_frames import RTU_SPEED
 from handctl.devices.inspire.register_bus import RegisterBus

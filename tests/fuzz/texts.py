@@ -10,7 +10,7 @@ import json
 import random
 from pathlib import Path
 
-from handctl.command import config, snapshots
+from handctl.command import config_file, snapshots
 from handctl.devices.barrett.firmware import srecords
 from handctl.devices.ekso.export_opensim import LogFile
 from handctl.errors import LinkError, UsageError
@@ -152,12 +152,12 @@ class Configuration:
     def __call__(self, source: random.Random) -> int:
         self._path.write_bytes(damaged(source, CONFIG, CONFIG_TOKENS))
         try:
-            found = config.read_config(str(self._path))
+            found = config_file.read_config(str(self._path))
         except UsageError as exc:
             assert exc.exit_code == 2
             assert exc.hint
             return 1
-        assert set(found.values) <= set(config.key_checks())
+        assert set(found.values) <= set(config_file.key_checks())
         for device in found.devices.values():
             assert device.kind in ("exo", "wrist", "barrett", "ekso", "aidin")
             assert device.entries["port"].value

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from handctl.devices.inspire.exo.probe import TARGET
-from handctl.devices.inspire.id_and_baud_search import Scanner, ScanRequest
+from handctl.devices.inspire.id_search import Scanner, ScanRequest
 from handctl.devices.inspire.scan import Target, sweep
 from handctl.model.prompts import Prompts
 from handctl.model.scan_task import ScanTask

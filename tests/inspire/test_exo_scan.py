@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from handctl.devices.inspire.id_and_baud_search import TURNAROUND
+from handctl.devices.inspire.id_search import TURNAROUND
 from handctl.devices.inspire.scan import parse_ids
 from handctl.errors import NoAnswer, ProtocolError, UsageError
 from handctl.model.scan_task import ScanTask

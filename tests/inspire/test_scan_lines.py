@@ -10,7 +10,7 @@ import pytest
 
 from handctl.devices.inspire import id_baud_save_reset
 from handctl.devices.inspire.exo.device import ExoHand
-from handctl.devices.inspire.id_and_baud_search import TURNAROUND
+from handctl.devices.inspire.id_search import TURNAROUND
 from handctl.errors import CheckFailed
 from handctl.families import FAMILIES
 from handctl.link import open_link

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from handctl.command.config import Config, from_toml, is_name, key_checks, lines_of, parse, read_config, statements
 from handctl.command.config_edit import change, drop, put, put_all, verified
+from handctl.command.config_file import Config, from_toml, is_name, key_checks, lines_of, parse, read_config, statements
 from handctl.command.options import own_options, shared_options
 from handctl.errors import OutputError, UsageError
 from handctl.families import WIRES

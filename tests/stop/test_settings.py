@@ -15,7 +15,7 @@ from typing import NamedTuple
 import click
 import pytest
 
-from handctl.command.config import DEVICE_KEYS
+from handctl.command.config_file import DEVICE_KEYS
 from handctl.command.options import CONNECTION, SharedOption, lasting_options
 from handctl.families import FAMILIES, WIRES
 from handctl.tools.family_probe import family_of

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer
 from handctl.model.command_settings import Settings
 from handctl.model.movement import stands_still
-from handctl.model.standstill import Looks
+from handctl.model.stop_check import Looks
 from handctl.model.stop_sequence import StopContext, Stopped, exchange_steps, stop_sequence_of
 from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink

@@ -14,7 +14,7 @@ from typing import Any, cast
 import pytest
 
 from handctl.command import connection, several_devices
-from handctl.command.config import read_config
+from handctl.command.config_file import read_config
 from handctl.command.family import load
 from handctl.command.invocation import Invocation
 from handctl.devices.barrett import state_files

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from handctl.command.config import from_toml
+from handctl.command.config_file import from_toml
 from handctl.sim.engine.serve import send_control
 from tests.support.cli import PATIENCE, Result, Simulator, clean_environment, run, start, wait_until
 

@@ -370,7 +370,7 @@ def test_without_a_file_nothing_is_loaded_for_it(place: Place) -> None:
         )
         modules = set(done.stderr.rpartition("[")[2].replace("'", "").strip("]\n").split(", "))
         assert "handctl.command.options" in modules, done
-        assert not {"tomllib", "handctl.command.config", "handctl.link.device_lock", "fcntl", "hashlib"} & modules
+        assert not {"tomllib", "handctl.command.config_file", "handctl.link.device_lock", "fcntl", "hashlib"} & modules
 
 
 # -- one process at a time --------------------------------------------------------------------------------------------

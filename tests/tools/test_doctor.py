@@ -356,7 +356,7 @@ def test_a_known_port_tells_permission_holder_and_timer(system: System) -> None:
     system.tty("ttyUSB0", usb=("0403", "6001", "A1"), latency=16)
     system.denied.add("/dev/ttyUSB0")
     system.process(4711, "screen", opened="/dev/ttyUSB0")
-    for link in ("/dev/ttyUSB0", "usb:0403:6001", "usb:0403:6001:A1"):
+    for link in ("/dev/ttyUSB0", "usb:0403:6001", "usb:403:6001", "usb:0403:6001:A1"):
         checks = {check.name: check for check in port_checks(system.machine(), link)}
         assert {name: check.status for name, check in checks.items()} == {
             "permission": "fail", "holder": "fail", "latency_timer": "warning",
@@ -364,7 +364,8 @@ def test_a_known_port_tells_permission_holder_and_timer(system: System) -> None:
         assert checks["holder"].evidence == "/dev/ttyUSB0 is in use by screen (pid 4711)"
         assert "up to 16 ms" in checks["latency_timer"].evidence
         assert "latency_timer" in checks["latency_timer"].remedy
-    assert port_checks(system.machine(), "usb:1a86:7523") == []
+    for link in ("usb:1a86:7523", "usb:0403:6001:A", "usb:0403:600"):
+        assert port_checks(system.machine(), link) == []
     assert port_checks(system.machine(), "fake://exo") == []
 
 

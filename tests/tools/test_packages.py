@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from handctl.command.config import from_toml
+from handctl.command.config_file import from_toml
 from handctl.families import FAMILIES
 from handctl.tools.port_inventory import CHIPS
 from tests.support.each_row import each_row

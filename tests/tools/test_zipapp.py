@@ -19,7 +19,7 @@ import pexpect
 import pytest
 
 from handctl import __version__, build_zipapp, guides
-from handctl.command.config import from_toml
+from handctl.command.config_file import from_toml
 from tests.support.cli import Result, run
 from tests.support.places import PROJECT
 from tests.support.shell import SCRIPTS

@@ -412,7 +412,7 @@ class Root(Group):
             raise click.UsageError(f"`handctl {name}` cannot be one of several commands.", ctx)
         if name in COMMANDS or name.startswith("-") or self.get_command(ctx, name) is not None:
             return super().resolve_command(ctx, args)
-        from handctl.command.config import read_config
+        from handctl.command.config_file import read_config
         from handctl.command.suggestions import device_in, top
 
         device = device_in(ctx, args)

@@ -10,7 +10,7 @@ import contextlib
 import os
 from collections.abc import Callable, Iterator, Mapping
 
-from handctl.command.config import Config, Statement, parse, read_config, statements
+from handctl.command.config_file import Config, Statement, parse, read_config, statements
 from handctl.errors import OutputError, UsageError
 from handctl.files import as_text, atomic_write, writing
 from handctl.system import clock, file_locks

@@ -77,7 +77,7 @@ def make_envelope(
 
 def in_file(key: str) -> Any:
     """The value of an option in the configuration file, for errors before the settings are known; None if unknown."""
-    from handctl.command.config import read_config
+    from handctl.command.config_file import read_config
 
     try:
         entry = read_config().values.get(key)

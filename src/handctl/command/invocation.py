@@ -186,7 +186,7 @@ class Invocation:
     @property
     def shares_line(self) -> bool:
         """Whether the configuration has several named devices at the place of this LINK. Errors in the file are ignored."""
-        from handctl.command.config import read_config
+        from handctl.command.config_file import read_config
         from handctl.link.device_lock import canonical
 
         try:
@@ -526,7 +526,7 @@ def _from_file(
             return
     except OSError:
         pass  # it may not be looked at, so it is there: reading it will say why
-    from handctl.command.config import read_config
+    from handctl.command.config_file import read_config
 
     config = read_config(path, passed)
     values = {

@@ -84,7 +84,7 @@ def joined_for_a_stop(words: Sequence[str]) -> list[str]:
 
 def _named(text: str, *, urgent: bool) -> tuple[str, ...]:
     """The names, each once. Raises UsageError; with `urgent` what is wrong with one of them holds up none of the others."""
-    from handctl.command.config import read_config
+    from handctl.command.config_file import read_config
 
     config = read_config(passed=[] if urgent else None)
     names = [name.strip() for name in text.split(",") if name.strip()]

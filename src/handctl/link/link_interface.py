@@ -398,6 +398,16 @@ def unknown_scheme(link: str, scheme: str) -> UsageError:
     return UsageError(f"{link}: {scheme}:// is not a known kind of link", hint=hint)
 
 
+def usb_address(link: str) -> tuple[int, int, str]:
+    """Vendor, product and serial number, "" = any, of a `usb:VID:PID[:SERIAL]`. Raises UsageError."""
+    import re
+
+    if found := re.fullmatch(r"usb:([0-9a-fA-F]{1,4}):([0-9a-fA-F]{1,4})(?::(.*))?", link, re.DOTALL):
+        return int(found[1], 16), int(found[2], 16), found[3] or ""
+    text = f"{link}: expected usb:VID:PID or usb:VID:PID:SERIAL, hexadecimal"
+    raise UsageError(text, hint="e.g. usb:0403:6001")
+
+
 def path_in(link: str) -> str:
     """The path, or COM name, of the port that a LINK names; "" where it names none, or finds one by other marks."""
     scheme = scheme_of(link)

@@ -25,6 +25,7 @@ from handctl.link.link_interface import (
     scheme_of,
     unknown_scheme,
     unsent,
+    usb_address,
 )
 from handctl.link.port_users import busy, group_of, group_remedy, holders, refuse_held
 from handctl.system import clock, serial_ports
@@ -84,14 +85,7 @@ def _find_described(link: str) -> Any:
 
 def find_usb(link: str) -> Any:
     """The one port of `usb:VID:PID[:SERIAL]` (hex). Exactly one must match; never another one."""
-    parts = link.split(":")[1:]
-    try:
-        vid, pid = int(parts[0], 16), int(parts[1], 16)
-    except (IndexError, ValueError) as exc:
-        raise UsageError(
-            f"{link}: expected usb:VID:PID or usb:VID:PID:SERIAL, hexadecimal", hint="e.g. usb:0403:6001"
-        ) from exc
-    wanted = ":".join(parts[2:])
+    vid, pid, wanted = usb_address(link)
     ports = [port for port in listed_ports() if (port.vid, port.pid) == (vid, pid)]
     if wanted:
         ports = [port for port in ports if (port.serial_number or "") == wanted]

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -16,8 +15,8 @@ import click
 
 from handctl.command import config_edit
 from handctl.command.command_tree import Group
-from handctl.command.config import DEVICE_KEYS, Config, Device, check_name, read_config
 from handctl.command.config_edit import stable_name
+from handctl.command.config_file import DEVICE_KEYS, Config, Device, check_name, read_config
 from handctl.command.family import Family
 from handctl.command.invocation import refuse_serial, resolve
 from handctl.command.options import COMMAND_LINE, InFile, Source, command_line, own_options, refuse_lacking
@@ -26,7 +25,7 @@ from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import BYTE_ORDER_MARK, read_text, text_lines
 from handctl.link import NoFrames, NoLink, is_can
-from handctl.link.link_interface import SCHEMES, options_in, unknown_scheme
+from handctl.link.link_interface import SCHEMES, options_in, unknown_scheme, usb_address
 from handctl.model.command_settings import Settings
 from handctl.model.result import Column, Row, Table
 from handctl.tools.family_probe import family_of
@@ -224,11 +223,7 @@ def check_link(link: str, family: Family) -> None:
     scheme, separator, rest = link.partition("://")
     refuse_serial(family, link)
     if link.startswith("usb:"):
-        parts = link.split(":", 3)[1:]
-        if len(parts) < 2 or not all(re.fullmatch(r"[0-9a-fA-F]{1,4}", part) for part in parts[:2]):
-            raise UsageError(
-                f"{link}: expected usb:VID:PID or usb:VID:PID:SERIAL, hexadecimal", hint="e.g. usb:0403:6001"
-            )
+        usb_address(link)
     elif link.startswith("can:"):
         if "can" not in family.wires:
             raise UsageError(

@@ -13,7 +13,7 @@ import click
 
 from handctl.command import write_history
 from handctl.command.command_tree import Command
-from handctl.command.config import read_config
+from handctl.command.config_file import read_config
 from handctl.command.options import COMMAND_LINE, WholeRange
 from handctl.command.run import Run
 from handctl.errors import Hint, UsageError

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from handctl.link.link_interface import usb_address
 from handctl.link.port_users import Process, group_of, groups, holders, processes
 from handctl.system import serial_ports
 from handctl.system.processes import user_name
@@ -198,9 +199,10 @@ class Machine:
         return next((port for port in self.ports() if path in (port.path, port.by_id) or port.path == real), None)
 
     def matching(self, link: str) -> list[Port]:
-        """The ports that a ``usb:VID:PID[:SERIAL]`` means."""
-        wanted = link.lower().removeprefix("usb:")
-        return [port for port in self.ports() if port.usb.lower().startswith(wanted)]
+        """The ports that a ``usb:VID:PID[:SERIAL]`` means. Raises UsageError."""
+        *address, serial = usb_address(link)
+        found = [(port, usb_address(f"usb:{port.usb}")) for port in self.ports() if port.usb]
+        return [port for port, (vid, pid, own) in found if [vid, pid] == address and serial in ("", own)]
 
     def _is_port(self, name: str) -> bool:
         if not name.startswith(COM_WAYS):

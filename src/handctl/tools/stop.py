@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.config import Device, read_config
+from handctl.command.config_file import Device, read_config
 from handctl.command.family import load
 from handctl.command.options import COMMAND_LINE, NAMED, Source
 from handctl.command.run import Run

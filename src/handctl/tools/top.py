@@ -10,7 +10,7 @@ import click
 
 from handctl.command.command_lines import parse_line
 from handctl.command.command_tree import Command
-from handctl.command.config import read_config
+from handctl.command.config_file import read_config
 from handctl.command.get_set_watch import bounds_of
 from handctl.command.options import LIMIT, streaming
 from handctl.command.run import Run

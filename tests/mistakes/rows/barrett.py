@@ -154,7 +154,7 @@ ROWS = (
     mistake(
         "barrett-stop-believed-for-one-reading",
         "evidence believed",
-        "handctl.model.standstill",
+        "handctl.model.stop_check",
         "Looks.judge",
         "if self._same(before, now):",
         "if True:",

@@ -147,7 +147,7 @@ ROWS = (
     mistake(
         "inspire-whoever-is-not-shown-is-an-exo",
         "false identity",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "Scanner._kind",
         'open_ = exc.code == "unknown-device" or (exc.code == NOT_SHOWN and not self._want.typed)',
         'open_ = exc.code == "unknown-device"',
@@ -156,7 +156,7 @@ ROWS = (
     mistake(
         "inspire-a-hit-is-confirmed-by-one-register-only",
         "false silence",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "Requester._ask",
         "this = span or self._another(short=(first and number > 0) or device_id in self._short)",
         "this = span or self._another()",
@@ -174,7 +174,7 @@ ROWS = (
     mistake(
         "inspire-a-scan-needs-the-register-that-it-shows",
         "false silence",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "Scanner._hit",
         "self._measure(device_id, speed)",
         "if value is None:\n    return False\nself._measure(device_id, speed)",
@@ -183,7 +183,7 @@ ROWS = (
     mistake(
         "inspire-on-can-one-other-register-confirms-a-hit",
         "false silence",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "CanSearch.__init__",
         "self._spans = (span, (span[0] + 2, span[1]), *others)",
         "self._spans = (span, (span[0] + 2, span[1]))",
@@ -192,7 +192,7 @@ ROWS = (
     mistake(
         "inspire-on-can-a-late-answer-confirms-a-hit",
         "evidence believed",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "CanSearch._ask",
         "return self._collect(set(ids), seconds, self._spans if span == self._spans[0] else (span,))",
         "return self._collect(set(ids), seconds, self._spans)",
@@ -220,7 +220,7 @@ ROWS = (
     mistake(
         "inspire-a-scan-asks-one-question",
         "false silence",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "Scanner._pass",
         "other = number == 1 or (number > 1 and self.found.single is not None)",
         "other = False",
@@ -229,7 +229,7 @@ ROWS = (
     mistake(
         "inspire-on-can-a-scan-asks-one-question",
         "false silence",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "CanSearch.run",
         "for span in (self._spans[0], self._spans[2]):",
         "for span in (self._spans[0],):",
@@ -238,7 +238,7 @@ ROWS = (
     mistake(
         "inspire-a-refusal-is-no-contact",
         "false silence",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "RtuSearch._take",
         "self._take_refusals()",
         "pass",

@@ -171,7 +171,7 @@ ROWS = (
     mistake(
         "scan-tells-not-what-it-left-out",
         "evidence believed",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "Scanner._pass",
         "self.left.append((speed, device_id))",
         "pass",

@@ -573,7 +573,7 @@ ROWS = (
     mistake(
         "stop-takes-a-slow-movement-for-a-resting-reading",
         "false success",
-        "handctl.model.standstill",
+        "handctl.model.stop_check",
         "Looks.judge",
         "self.moved = None if self._still(self._first, now) else (self._first, now)",
         "self.moved = None",
@@ -1120,7 +1120,7 @@ ROWS = (
     mistake(
         "a-scan-ends-a-movement",
         "a read that stops",
-        "handctl.devices.inspire.id_and_baud_search",
+        "handctl.devices.inspire.id_search",
         "Scanner._pass",
         "ids = [number for number in this.ids if self._may_ask(number, speed)]",
         "ids = this.ids",

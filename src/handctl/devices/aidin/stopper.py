@@ -16,7 +16,7 @@ from handctl.devices.aidin.parameter_map import CURRENTS, FEEDBACK, MOTOR_POS, M
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.standstill import Looks
+from handctl.model.stop_check import Looks
 from handctl.model.stop_sequence import (
     LOOKS,
     Pieces,

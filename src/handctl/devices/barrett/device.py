@@ -22,7 +22,13 @@ from handctl.devices.barrett.gcl.codec import (
     values,
 )
 from handctl.devices.barrett.gcl.line import GclLine, Restarted
-from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for, shows_heat
+from handctl.devices.barrett.gcl.status_codes import (
+    UNKNOWN_COMMAND,
+    UNKNOWN_NAME,
+    explain_status,
+    hint_for,
+    shows_heat,
+)
 from handctl.devices.barrett.parameter_map import (
     BARRETT,
     POSITIONS,
@@ -57,9 +63,8 @@ from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.result import Finding, Row, Table
 from handctl.model.stop_sequence import Stopped
 
-UNKNOWN_NAME = 64
 UNKNOWN = "Its effect on the hand is unknown"
-SPLITTABLE = 32 | 64 | 1024
+SPLITTABLE = UNKNOWN_COMMAND | UNKNOWN_NAME | 1024
 """Statuses that a long line may cause: it is asked again in halves (dossier 1.4)."""
 
 

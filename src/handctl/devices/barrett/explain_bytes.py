@@ -43,7 +43,14 @@ from handctl.devices.barrett.gcl.codec import (
     values,
 )
 from handctl.devices.barrett.gcl.connect_table import FILL, LOOPED, QUESTION, SAFE_ABORT
-from handctl.devices.barrett.gcl.status_codes import ABORTED, NOT_INITIALIZED, NOT_REACHED, OF_ONE_MOTOR, explain_status
+from handctl.devices.barrett.gcl.status_codes import (
+    ABORTED,
+    NOT_INITIALIZED,
+    NOT_REACHED,
+    OF_ONE_MOTOR,
+    UNKNOWN_COMMAND,
+    explain_status,
+)
 from handctl.devices.barrett.parameter_map import BARRETT, GclParam
 from handctl.devices.barrett.realtime.blocks import (
     ACKNOWLEDGE,
@@ -81,7 +88,6 @@ MOST_KNOWN = 1024
 """Answers that are remembered."""
 MARK = QUESTION[:1].decode()
 """The question of a connect without what no motor moves by; ERR 32 is how a hand says that it is there."""
-UNKNOWN_COMMAND = 32
 SIMULATED_MOTORS = {"SPREAD": "S"}
 """How the simulator's control commands call a motor, where that is another name."""
 NAMES = {"\r": "<CR>", "\n": "<LF>", "\x03": "<^C>"}

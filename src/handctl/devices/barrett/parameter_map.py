@@ -25,6 +25,8 @@ STROKE = (17500, 3100)
 """Counts of one stroke of a finger and of the spread (barrett §7.3)."""
 TRAVEL = (17800, 3150)
 """Counts between the joint stops of a finger and of the spread, approximately (§5.3.2 P)."""
+SENSIBLE_LIMIT = 300
+"""OTEMP in 0.1 °C below which it was most likely meant in °C: every movement fails (§5.4.1)."""
 BEYOND = 500
 """Counts by which a position may lie outside the travel: fingers differ by tens, HI shifts the origin by IOFF <= 500."""
 POSITIONS = ("P", "BP")
@@ -201,7 +203,7 @@ BARRETT = GclMap(
         # -- global, §5.4
         _global("BAUD", "baud_rate", "baud rate of the serial line, changes immediately", "5.4.1", 6, 384, unit="100 bit/s", choices=BAUD_CODES, default=(96, 96), strands=True, **_RW),
         _global("LFT", "loop_feedback_temperature", "feedback has the temperature", "5.4.1", 0, 1, default=(0, 0), **_KNOWN_FLAG),
-        _global("OTEMP", "over_temperature_limit", "motor commands fail above it (0 = off, 600 to 650 advised)", "5.4.1", 0, 1250, unit=TENTHS, special={0: "off"}, default=(0, 0), careful=((300, 1250), (300, 1250)), why="the unit is 0.1 °C: below 30 °C every movement fails", **_RW),
+        _global("OTEMP", "over_temperature_limit", "motor commands fail above it (0 = off, 600 to 650 advised)", "5.4.1", 0, 1250, unit=TENTHS, special={0: "off"}, default=(0, 0), careful=((SENSIBLE_LIMIT, 1250),) * 2, why="the unit is 0.1 °C: below 30 °C every movement fails", **_RW),
         _global("TEMP", "temperature", "temperature of the CPU board, normal 400 to 600, limit 650 (§2)", "5.4.2", -550, 1250, unit=TENTHS),
         _global("PTEMP", "peak_temperature", "highest temperature ever", "5.4.2", 0, 1250, unit=TENTHS),
         _global("UPSECS", "uptime_seconds", "total operating time", "5.4.2", 0, 2**32, unit="s"),

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
+from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl import connect_table
 from handctl.devices.barrett.gcl.codec import has_prompt, values
 from handctl.devices.barrett.gcl.connect_table import MONITOR_SPEED, MONITOR_TEXT, QUESTION, seen_in
 from handctl.devices.barrett.gcl.line import GclLine
 from handctl.devices.barrett.gcl.session_start import comes_back, without_echo
+from handctl.devices.barrett.gcl.status_codes import UNKNOWN_NAME
 from handctl.devices.barrett.parameter_map import SPEEDS as SPEEDS
 from handctl.errors import NoAnswer, ProtocolError
 from handctl.link import ByteLink, Deadline

@@ -10,8 +10,9 @@ import re
 from functools import partial
 
 from handctl import interrupts
-from handctl.devices.barrett.device import UNKNOWN_NAME, BarrettHand
+from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MAX_ARGUMENTS, MAX_LINE, PROMPT, Answer, encode, values
+from handctl.devices.barrett.gcl.status_codes import UNKNOWN_NAME
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, TRAVEL, gcl_name, standard
 from handctl.devices.barrett.realtime.blocks import LoopError
 from handctl.devices.barrett.realtime.control_values import Controls

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.gcl.status_codes import STATUS_CODES, explain_status, split_status
+from handctl.devices.barrett.gcl.status_codes import NOT_INITIALIZED, STATUS_CODES, explain_status, split_status
 from handctl.devices.barrett.parameter_map import (
     BARRETT,
     POSITIONS,
+    SENSIBLE_LIMIT,
     STROKE,
     TENTHS,
     TRAVEL,
@@ -32,9 +33,6 @@ VALUE, UNIT, LABEL = Column("value", "Value", right=True), Column("unit", "Unit"
 STATUS, SECTION, DOUBT = Column("status", "Status"), Column("source", "Section"), Column("doubt", "Doubt")
 CHECKED = (Column("check", "Check"), STATUS, Column("evidence", "Evidence"), Column("remedy", "Remedy"), SECTION)
 """Columns of a check: what was looked at, how it is, what was seen, what to do."""
-NEARLY_READY = 4
-SENSIBLE_LIMIT = 300
-"""0.1 °C: an OTEMP below was typed in whole degrees."""
 
 
 def meaning(param: GclParam, value: Number, index: int) -> str | None:
@@ -186,7 +184,8 @@ def status_view(rows: list[Row]) -> list[Grid]:
             return Cell("?", "bad")
         if name == "S":
             return Cell(
-                str(row["label"]), "good" if row["value"] == 0 else ("warn" if row["value"] == NEARLY_READY else "bad")
+                str(row["label"]),
+                "good" if row["value"] == 0 else ("warn" if row["value"] == NOT_INITIALIZED else "bad"),
             )
         if name == "SG" and row["value"] == 255:
             return Cell("none", "dim")

@@ -22,7 +22,7 @@ from handctl.devices.barrett.gcl.status_codes import ABORTED, explain_status
 from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
-from handctl.model.standstill import check_standing
+from handctl.model.stop_check import check_standing
 from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, StopSequence, StopStep, silence
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5

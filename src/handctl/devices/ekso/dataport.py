@@ -20,6 +20,7 @@ from handctl.devices.ekso.frames import (
     Frame,
     differences,
     encode,
+    id_after,
     key_of,
     name_of,
     status_text,
@@ -277,9 +278,9 @@ class DataPort(Line):
             while not harmless_to_others(
                 self.request(command, body), self.link.baud if self.link.can_set_baud else None
             ):
-                self._next_id = (self._next_id + 1) & 0xFFFF
+                self._next_id = id_after(self._next_id)
         request = self.request(command, body)
-        self._next_id = (self._next_id + 1) & 0xFFFF
+        self._next_id = id_after(self._next_id)
         seconds = self.wire_seconds(len(request) + max(row.answers) + OVERHEAD) + self.timeout
         deadline = self.deadline(seconds)
         self._settled = False

@@ -129,6 +129,11 @@ def key_of(request: bytes) -> tuple[int, int]:
     return request[0], int.from_bytes(request[2:4], "big")
 
 
+def id_after(msg_id: int) -> int:
+    """The msgID of the next request: 0 comes after 65535."""
+    return (msg_id + 1) & 0xFFFF
+
+
 def crc(data: bytes) -> int:
     """CRC-CCITT as the manual has it; 0000 over a whole good frame."""
     return crc_hqx(data, 0xFFFF)

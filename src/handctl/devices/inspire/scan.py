@@ -16,7 +16,7 @@ from typing import NamedTuple
 from handctl.devices.inspire import can_frames, eb90
 from handctl.devices.inspire.can_bus import CanBus
 from handctl.devices.inspire.duplicate_id import Row4, same_id
-from handctl.devices.inspire.id_and_baud_search import (
+from handctl.devices.inspire.id_search import (
     CanSearch,
     Findings,
     Requester,

@@ -14,7 +14,7 @@ from handctl.devices.inspire.register_bus import AHEAD, question
 from handctl.errors import CheckFailed
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
-from handctl.model.standstill import check_standing
+from handctl.model.stop_check import check_standing
 from handctl.model.stop_repetition import after_late_replies, repeat_until_answered
 from handctl.model.stop_sequence import SILENCE, Pieces, Read, StopContext, Stopped, StopStep, did_not_last, silence
 

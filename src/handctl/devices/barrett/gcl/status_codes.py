@@ -8,6 +8,8 @@ NOT_INITIALIZED = 4
 """Status of a motor that HI has not initialized yet (barrett §5.1.3, T3)."""
 NOT_REACHED = 16
 """Status of M, HOME, IC and IO where a motor did not get to its place (barrett §5.5)."""
+UNKNOWN_COMMAND, UNKNOWN_NAME = 32, 64
+"""Status of a word that is no command, and of a parameter that this firmware does not have (barrett §5.1.3, T3)."""
 ABORTED = 16384
 """Status of what ^C has ended (barrett §5.1.3, T3)."""
 OF_ONE_MOTOR = 1 | 2 | 4
@@ -17,16 +19,19 @@ OVER_TEMPERATURE = 8192
 STATUS_CODES: dict[int, tuple[str, str]] = {
     1: ("No motor board found", "power-cycle the hand, then ask the vendor (electronics)"),
     2: ("No motor found", "power-cycle the hand, then ask the vendor (electronics or cable)"),
-    4: (
+    NOT_INITIALIZED: (
         "Motor not initialized",
         Hint("run {}. The fingers open fully: keep the space around them free", "barrett init"),
     ),
-    16: ("Couldn't reach position", Hint("look for an obstacle, a strain limit, or MPE: {}", "barrett status")),
-    32: (
+    NOT_REACHED: (
+        "Couldn't reach position",
+        Hint("look for an obstacle, a strain limit, or MPE: {}", "barrett status"),
+    ),
+    UNKNOWN_COMMAND: (
         "Unknown command",
         Hint("check the name, or check the cable for noise: {} lists the commands", "barrett help"),
     ),
-    64: (
+    UNKNOWN_NAME: (
         "Unknown parameter name",
         Hint(
             "check the name: {} lists them all. If it is right, this firmware does not have this parameter",
@@ -42,7 +47,7 @@ STATUS_CODES: dict[int, tuple[str, str]] = {
         "Overtemperature fault tripped",
         Hint("compare TEMP with OTEMP in {}, and let the hand cool", "barrett status"),
     ),
-    16384: (
+    ABORTED: (
         "Cntl-C abort command received",
         "nothing to do if you stopped it yourself. If not, another program may have sent ^C",
     ),

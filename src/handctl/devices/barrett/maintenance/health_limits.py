@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.gcl.status_codes import explain_status, hint_for
-from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, GclParam, unmeasured
+from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, SENSIBLE_LIMIT, GclParam, unmeasured
 from handctl.errors import Hint, joined
 from handctl.model.check_rows import FAIL, OK, WARNING
 from handctl.model.result import Row, command_key
@@ -92,8 +92,8 @@ def over_temperature_limit(tenths: int) -> Finding:
     if tenths == 0:
         remedy = Hint(f"{{}} stops movements at {LIMIT}", SET_LIMIT)
         return Finding(check, OK, "OTEMP is 0, the factory value, so the hand does not protect itself", remedy, source)
-    if tenths < 300:
-        meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""
+    if tenths < SENSIBLE_LIMIT:
+        meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= LIMIT_TENTHS else ""
         remedy = Hint("{}: the unit is 0.1 °C", SET_LIMIT)
         return Finding(check, FAIL, f"OTEMP {tenths} is {tenths / 10:.1f} °C: movements fail{meant}", remedy, source)
     if tenths > LIMIT_TENTHS:

@@ -44,7 +44,7 @@ from handctl.model.result import Column, Journal, Row, Table
 from handctl.system.user_folders import config_path
 
 if TYPE_CHECKING:
-    from handctl.command.config import Config
+    from handctl.command.config_file import Config
     from handctl.devices.inspire.hand.pairing import Paired
 
 
@@ -514,7 +514,7 @@ def _links(run: Run, links: Sequence[str]) -> tuple[str, str | None]:
 
 def _check_names(names: dict[str, str], force: bool) -> None:
     """Whether these names can be given, before anything moves. Raises UsageError."""
-    from handctl.command.config import check_name, read_config
+    from handctl.command.config_file import check_name, read_config
 
     for name in names.values():
         check_name(name)
