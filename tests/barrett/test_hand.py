@@ -263,8 +263,8 @@ def test_temperatures() -> None:
             for name, value in (("TEMP", temp), ("OTEMP", limit), ("PTEMP", peak))
         ]
 
-    assert list(unhealthy(rows(649, 0))) == []
-    assert len(list(unhealthy(rows(650, 0)))) == 1
+    assert list(unhealthy(rows(650, 0))) == []
+    assert len(list(unhealthy(rows(651, 0)))) == 1
     assert len(list(unhealthy(rows(601, 600)))) == 1
     assert list(unhealthy(rows(600, 600))) == []
     assert len(list(unhealthy(rows(400, 0, 650)))) == 1

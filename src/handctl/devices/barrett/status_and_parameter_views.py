@@ -96,7 +96,7 @@ def unhealthy(rows: Sequence[Row]) -> Iterator[Finding]:
     if temperature is not None and unmeasured(int(temperature)):
         text = f"temperature {temperature / 10:.1f} °C is impossible, so overheating cannot be detected"
         yield Finding(text, ("no-temperature",))
-    elif temperature is not None and temperature >= LIMIT_TENTHS:
+    elif temperature is not None and temperature > LIMIT_TENTHS:
         yield Finding(f"temperature {temperature / 10:.1f} °C, which must never exceed {LIMIT} (barrett §2)", ("hot",))
     if limit and temperature is not None and temperature > limit:
         text = f"temperature {temperature / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C: motor commands fail"

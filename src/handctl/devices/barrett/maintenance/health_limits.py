@@ -33,6 +33,11 @@ NEEDED_TO_MOVE = tuple(name for name in HARMFUL if name != "SGFLIP")
 """Of these none may be missing: later firmware may only do without SGFLIP (§5.3.4)."""
 
 
+def limit_of(otemp: int) -> int:
+    """The temperature in 0.1 °C above which no motor is driven: OTEMP, where it is lower than the hand's limit; 0 = off."""
+    return otemp if 0 < otemp < LIMIT_TENTHS else LIMIT_TENTHS
+
+
 class Finding(NamedTuple):
     """The outcome of one check: what was seen, and what to do with which section of the manual."""
 

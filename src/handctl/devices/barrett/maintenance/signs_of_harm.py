@@ -42,7 +42,7 @@ def heat(hand: BarrettHand) -> tuple[int, int]:
     if unmeasured(now):
         text = f"{hand.link.name}: TEMP {now / 10:.1f} °C is impossible, so overheating cannot be detected (barrett §5.4.2)"
         raise SignOfHarm(text, hint=health_limits.NO_SENSOR, code="unread")
-    return now, min(limit or health_limits.LIMIT_TENTHS, health_limits.LIMIT_TENTHS)
+    return now, health_limits.limit_of(limit)
 
 
 def objections(at: At) -> list[str]:

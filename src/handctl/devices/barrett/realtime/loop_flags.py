@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
-from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, NO_SENSOR
+from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, NO_SENSOR, limit_of
 from handctl.devices.barrett.parameter_map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds, unmeasured
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.realtime.control_values import Controls
@@ -188,7 +188,7 @@ def _delta_unit(
 
 def _heat(hand: BarrettHand, flag_request: FlagRequest, now: Flags) -> int:
     """The limit in 0.1 °C. Raises CheckFailed when the board is above it before anything moves."""
-    limit = now["OTEMP", 0] if 0 < now["OTEMP", 0] < LIMIT_TENTHS else LIMIT_TENTHS
+    limit = limit_of(now["OTEMP", 0])
     if "heat" in flag_request.guards and unmeasured(now["TEMP", 0]):
         raise CheckFailed(
             f"{hand.link.name}: TEMP reads {now['TEMP', 0] / 10:.1f} °C, which is impossible: without the temperature of the board nothing is driven (guard heat)",
