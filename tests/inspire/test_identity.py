@@ -519,7 +519,7 @@ def test_nothing_but_the_buses_and_the_scanners_touches_the_link() -> None:
         for path in folder.rglob("*.py")
         if re.search(r"link\.(write|send)\(", path.read_text())
     }
-    assert users == {"serial_bus", "can_bus", "modbus_bus", "id_and_baud_search", "hand/raw"}
+    assert users == {"serial_bus", "can_bus", "modbus_bus", "id_search", "hand/raw"}
 
 
 @pytest.mark.parametrize("family", ["exo", "wrist", "ekso", "barrett"])

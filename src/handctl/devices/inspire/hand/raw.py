@@ -5,13 +5,12 @@ What no command sends is refused here too: what starts a stored movement, and wh
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain_bytes import InspireExplainer
-from handctl.devices.inspire.hand.register_map import BYTE_MAP, OF_BYTES, HandRegister
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, OF_BYTES, is_never_written
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.errors import UsageError
 from handctl.link import ByteLink, CanFrame
@@ -24,26 +23,17 @@ if TYPE_CHECKING:
     from handctl.devices.inspire.hand.device import Hand
 
 COLUMNS = (Column("direction", "From"), Column("meaning", "Meaning"), Column("raw", "Frame"))
-NEVER = {1: (range(1000, 1020), range(2000, 2326)), 2: (range(1000, 1016), range(1431, 1433), range(2160, 2163))}
-"""Bytes at one address -> addresses that hold triggers, speed codes, gestures and sequences of one edition or another.
-What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
 
 
 def plan_write(hand: Hand, address: int, data: bytes, undocumented: bool) -> Step:
     """Check a write at a byte address against the map. Raises UsageError."""
-    if any(_never(hand.has, hand.bus.per, place) for place in range(address, address + len(data))):
+    if any(is_never_written(hand.has, hand.bus.per, place) for place in range(address, address + len(data))):
         raise UsageError(
             f"{address // hand.bus.per} is among triggers, gestures or sequences, which start movements or resets on some generations",
             hint="handctl never writes there (rh56 §9). Nothing was sent.",
             code="never",
         )
     return by_number.plan_write(hand, address, data, undocumented)
-
-
-def _never(has: Sequence[HandRegister], unit: int, place: int) -> bool:
-    """Whether this byte is not documented here, and starts something on some generation."""
-    documented = any(place in register.span for register in has)
-    return not documented and any(place // unit in span for span in NEVER[unit])
 
 
 # -- frames -----------------------------------------------------------------------------------------------------------
@@ -131,7 +121,7 @@ def refuse_write(number: int | None, address: int, data: bytes, hand: Hand | Non
     if number is not None and not 1 <= number <= 254:
         raise by_number.refused(f"id {number} is not an id of a hand", code="out-of-range")
     for place in range(address * unit, address * unit + len(data)):
-        if place in params["factory_reset"].span or _never(has, unit, place):
+        if place in params["factory_reset"].span or is_never_written(has, unit, place):
             text = f"{place // unit} resets the hand or starts a stored movement on some generations"
             raise by_number.refused(text, code="never")
     by_number.check_values(params, address * unit, data)

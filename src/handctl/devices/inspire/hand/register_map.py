@@ -6,6 +6,7 @@ everywhere: little, ring, middle, index, thumb bend, thumb rotation; DG2 has the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from handctl.devices.inspire.register_map import Register
@@ -171,6 +172,17 @@ DG2_MAP = _word_map(DG2, 1, ACTUATORS)
 
 MAPS = {DF: BYTE_MAP, TP: BYTE_MAP, F1: F1_MAP, DG2: DG2_MAP}
 """Generation -> its map."""
+
+
+NEVER = {1: (range(1000, 1020), range(2000, 2326)), 2: (range(1000, 1016), range(1431, 1433), range(2160, 2163))}
+"""Bytes at one address -> addresses that hold triggers, speed codes, gestures and sequences of one edition or another.
+What of them is not documented is never written (rh56 §3.1, §3.3, §9)."""
+
+
+def is_never_written(has: Sequence[HandRegister], unit: int, place: int) -> bool:
+    """Whether this byte is not documented here, and starts something on some generation."""
+    documented = any(place in register.span for register in has)
+    return not documented and any(place // unit in span for span in NEVER[unit])
 
 
 def model_of(text: str) -> str | None:
