@@ -107,7 +107,7 @@ def test_progress(moving: bool) -> None:
 def test_a_slow_adapter_is_told_after_the_first_record() -> None:
     run = Run("wire=auto&turnaround=0.016")
     (message,) = [m for m in run.hand.journal.messages if m.code == "slow-adapter"]
-    assert run.error is None and "16 ms" in message.text and "latency_timer" in str(message.hint)
+    assert run.error is None and "16 ms" in message.text and "doctor" in str(message.hint)
 
 
 # -- the operator -----------------------------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.firmware.srecords import READY, SELECT, TRIGGER, Firmware, Transfer
 from handctl.devices.barrett.gcl.codec import BANNER, CR, PROMPT, has_prompt
 from handctl.devices.barrett.gcl.connect_table import MONITOR_SPEED
+from handctl.devices.barrett.gcl.line import SLOW_ADAPTER
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.state_files import forget_download, note_download
 from handctl.devices.barrett.status_and_parameter_views import row_of
@@ -322,7 +323,7 @@ class Loader:
             self.hand.journal.warn(
                 "slow-adapter",
                 f"each echo takes {extra * 1000:.0f} ms longer than its bytes: about {total:.0f} s in all",
-                hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms (/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
+                hint=SLOW_ADAPTER,
             )
 
     # -- after ---------------------------------------------------------------------------------------------------

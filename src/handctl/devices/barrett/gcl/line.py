@@ -51,6 +51,7 @@ PROMPT_WAIT = 0.5
 QUIET = 0.2
 LOOP_EXITS = 9
 LONGEST = 4
+SLOW_ADAPTER = Hint("{} shows whether it is the latency timer of the adapter, and how to set it", "doctor")
 
 
 class GclLine(Line):

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
+from handctl.devices.barrett.gcl.line import SLOW_ADAPTER
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, implausible
 from handctl.devices.barrett.realtime.blocks import (
     FEEDBACK,
@@ -332,8 +333,7 @@ def _advise(run: Run, found: dict[str, Any]) -> None:
         run.journal.warn(
             "slow-adapter",
             f"a block takes {cycle_ms:.1f} ms, its bytes {wire_ms:.1f} ms: the adapter delays them",
-            hint="set the latency timer of an FTDI adapter from 16 ms to 1 ms "
-            "(/sys/bus/usb-serial/devices/ttyUSB0/latency_timer)",
+            hint=SLOW_ADAPTER,
         )
 
 
