@@ -34,7 +34,7 @@ from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stra
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T, error_finding
-from handctl.devices.inspire.register_map import OVER_TEMPERATURE
+from handctl.devices.inspire.register_map import OVER_TEMPERATURE, outside
 from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
@@ -402,8 +402,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
                 continue  # said there
             found.append(Finding(f"{part}: {value} °C", ("hot",)))
         elif not param.bits and not param.allowed(value):
-            text = f"{reading.element.full_name} = {value} is outside {param.range_text} ({param.source})"
-            found.append(Finding(text, ("range",)))
+            found.append(Finding(outside(reading.element.full_name, param, value), ("range",)))
     return found
 
 
