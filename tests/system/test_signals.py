@@ -7,7 +7,6 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from types import SimpleNamespace
 from typing import Any
 
@@ -45,18 +44,27 @@ def ctrl_c() -> Iterator[Callable[[], None]]:
     other.join()
 
 
-@pytest.mark.parametrize("how", [signals.held_back, signals.one_at_a_time])
-def test_a_signal_that_another_thread_takes_waits_too(
-    how: Callable[[Any], AbstractContextManager[None]], ctrl_c: Callable[[], None]
-) -> None:
+@pytest.mark.parametrize("in_handler", [False, True])
+def test_a_signal_that_another_thread_takes_waits_too(in_handler: bool, ctrl_c: Callable[[], None]) -> None:
     through = False
     with pytest.raises(KeyboardInterrupt):
-        with how([signal.SIGINT]):
+        with signals.held_back([signal.SIGINT], in_handler=in_handler):
             ctrl_c()
             through = True
         for _ in range(1000):
             threading.active_count()
     assert through and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("in_handler", [False, True])
+def test_within_a_handler_what_waited_before_goes_on_waiting(in_handler: bool) -> None:
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGUSR2])
+    try:
+        with signals.held_back([signal.SIGUSR2], in_handler=in_handler):
+            pass
+        assert (signal.SIGUSR2 in signal.pthread_sigmask(signal.SIG_BLOCK, ())) is in_handler
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def test_what_is_set_meanwhile_stays(ctrl_c: Callable[[], None]) -> None:

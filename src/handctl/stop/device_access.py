@@ -352,7 +352,7 @@ class DeviceAccess:
     def pressed(self, frame: Any) -> None:
         """The stop key of a live view. A Ctrl-C right after it does not cut the stop off."""
 
-        with interrupts.stopping(), signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
+        with interrupts.stopping(), signals.held_back(signals.numbers(suspend=True, alarm=True), in_handler=True):
             self.stop(f"stopped by the key {self.stop_key}")
         self.end(frame)
 

@@ -83,7 +83,7 @@ class StopListener:
         """Serve all that wait."""
         self._busy = True
         try:
-            with interrupts.stopping(), signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):
+            with interrupts.stopping(), signals.held_back(signals.numbers(suspend=True, alarm=True), in_handler=True):
                 while self._serve():
                     _answered[0] += 1
         finally:

@@ -66,35 +66,21 @@ def interrupt(frame: Any) -> None:
 
 
 @contextlib.contextmanager
-def held_back(which: Iterable[int]) -> Iterator[None]:
-    """These wait until it is over; what had arrived before is handled first."""
+def held_back(which: Iterable[int], *, in_handler: bool = False) -> Iterator[None]:
+    """These wait until it is over; what had arrived before is handled first. Within a handler, those that waited before go on waiting."""
     which = set(which)
     if sys.platform == "win32":
         with _deferred(which):
             yield
     else:
+        after = signal.SIG_UNBLOCK, which
         try:
-            _plain.pthread_sigmask(signal.SIG_BLOCK, which)
+            before = _plain.pthread_sigmask(signal.SIG_BLOCK, which)
+            after = (signal.SIG_SETMASK, before) if in_handler else after
             with _deferred(which):
                 yield
         finally:
-            _plain.pthread_sigmask(signal.SIG_UNBLOCK, which)
-
-
-@contextlib.contextmanager
-def one_at_a_time(which: Iterable[int]) -> Iterator[None]:
-    """These wait until it is over, and those that waited before go on waiting: for within a handler."""
-    which = set(which)
-    if sys.platform == "win32":
-        with _deferred(which):
-            yield
-    else:
-        before = _plain.pthread_sigmask(signal.SIG_BLOCK, which)
-        try:
-            with _deferred(which):
-                yield
-        finally:
-            _plain.pthread_sigmask(signal.SIG_SETMASK, before)
+            _plain.pthread_sigmask(*after)
 
 
 @contextlib.contextmanager

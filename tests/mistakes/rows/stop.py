@@ -603,7 +603,7 @@ ROWS = (
         "stop not sent",
         "handctl.stop.device_access",
         "DeviceAccess.pressed",
-        "with interrupts.stopping(), signals.one_at_a_time(signals.numbers(suspend=True, alarm=True)):",
+        "with interrupts.stopping(), signals.held_back(signals.numbers(suspend=True, alarm=True), in_handler=True):",
         "if True:",
         "tests/system/test_signals.py::test_ctrl_c_does_not_cut_off_the_stop_of_the_key",
     ),

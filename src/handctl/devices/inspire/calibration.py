@@ -1,38 +1,49 @@
-"""What the calibrations of the EH55BF1 and the RH56 hands share: the wait for their end, and what shows that they succeeded. The steps are in each hand's `calibration`."""
+"""What the calibrations of the EH55BF1 and the RH56 hands share: their start, the wait for their end, and what shows that they succeeded. The steps are in each hand's `calibration`."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import AbstractContextManager
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.id_baud_save_reset import outcome
 from handctl.devices.inspire.register_bus import POWER_OFF, RegisterBus
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.register_map import Register
-from handctl.errors import Aftermath, CheckFailed, Hint, joined
+from handctl.errors import Aftermath, CheckFailed, HandctlError, Hint, joined
 from handctl.model.param import Reading
 from handctl.model.prompts import Prompts
 from handctl.model.result import Finding, Table, hex_bytes
 from handctl.model.stop_on_interrupt import no_stop_ends_it
 
 
-def calibrating(hand: RegisterDevice, prompts: Prompts) -> AbstractContextManager[None]:
-    """Around the start of a calibration and the wait for its end: no command stops it (exo §2.3.6, rh56 §9)."""
+def run_calibration(
+    hand: RegisterDevice, register: Register, prompts: Prompts, said: str, seconds: float, least: float = 0.0
+) -> tuple[HandctlError | None, eb90.Frame | None, float]:
+    """Start a calibration and wait for its end: why the start was not acknowledged, the frame that reported the end, seconds.
+
+    `said` is told once it runs; `seconds` and `least` are those of `wait_for_calibration`. Raises DeviceRefused on Ctrl-C:
+    no command stops it (exo §2.3.6, rh56 §9).
+    """
+    bus, begun = hand.bus, hand.journal.ledger.mark
     left = Aftermath("the hand is still calibrating", f"{POWER_OFF} No documented command stops a calibration")
-    return no_stop_ends_it(left, prompts, hand.journal.counters)
+    with no_stop_ends_it(left, prompts, hand.journal.counters):
+        lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
+        started = bus.link.now()
+        prompts.say(f"{POWER_OFF} The calibration is running. {said}")
+        frame = wait_for_calibration(bus, prompts, seconds, least)
+    if frame is not None and frame.data == b"\0":
+        hand.journal.ledger.confirm("its end was reported", since=begun)
+    return lost, frame, bus.link.now() - started
 
 
-def wait_for_calibration(
-    bus: RegisterBus, prompts: Prompts, seconds: float, more: str = "", *, least: float = 0.0
-) -> eb90.Frame | None:
+def wait_for_calibration(bus: RegisterBus, prompts: Prompts, seconds: float, least: float) -> eb90.Frame | None:
     """Wait for the frame that reports the end, or for the usual time without one. Sends nothing.
 
     `least`: seconds that the manual's own steps take. An end that is reported sooner is not believed: the hand may still be moving.
     Reported with 00, it counts as not reported; otherwise it is returned where no other report comes.
     """
     started, early = bus.link.now(), None
-    end = started + seconds
+    end, more = started + seconds, f" (waits {least:g} s, the rest is movement)" if least else ""
     try:
         while bus.link.now() < end and not bus.over:
             elapsed = bus.link.now() - started

@@ -87,6 +87,11 @@ def register_of(element: Element) -> Register:
     return element.param
 
 
+def outside(name: str, param: Param, value: Number) -> str:
+    """A value outside its documented range, in words."""
+    return f"{name} = {param.text(value)} is outside {param.range_text or 'the plausible range'} ({param.source})"
+
+
 def u8(address: int, name: str, doc: str, source: str, **more: object) -> Register:
     return Register(address=address, name=name, doc=doc, source=source, size=1, signed=False, **more)  # type: ignore[arg-type]
 

@@ -5,7 +5,7 @@ It moves all fingers, and nothing but the power stops it: both are said before a
 
 from __future__ import annotations
 
-from handctl.devices.inspire.calibration import calibrating, calibration_result, wait_for_calibration
+from handctl.devices.inspire.calibration import calibration_result, run_calibration
 from handctl.devices.inspire.exo.device import ExoHand
 from handctl.devices.inspire.exo.register_map import EXO
 from handctl.devices.inspire.register_bus import POWER_OFF
@@ -39,26 +39,11 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
     Nothing is sent meanwhile. The end frame (address field 0002) is known from the sibling only; without it the
     result says so. Raises DeviceRefused on Ctrl-C: no command stops a calibration.
     """
-    bus = hand.bus
-    begun = hand.journal.ledger.mark
-    with calibrating(hand, prompts):
-        lost = bus.try_write(EXO["calibrate"].address, b"\x01", "the start", "handctl still waits for the end")
-        started = bus.link.now()
-        prompts.say(
-            f"{POWER_OFF} The calibration is running. The hand goes through the steps above in this order. "
-            "Nothing is sent meanwhile."
-        )
-        least = sum(seconds for seconds, _ in STEPS)
-        more = f" (waits {least} s, the rest is movement)"
-        frame = wait_for_calibration(bus, prompts, LISTEN_SECONDS, more, least=least)
-    seconds = bus.link.now() - started
-    if frame is not None:
-        if seconds < LISTEN_SECONDS:
-            prompts.say(f"The hand reported the end after {seconds:.1f} s.")
-        if frame.data == b"\0":
-            hand.journal.ledger.confirm("its end was reported", since=begun)
-    else:
-        bus.out_of_time("the end of the calibration, which is still running", "its end")
+    register, waits = EXO["calibrate"], sum(seconds for seconds, _ in STEPS)
+    said = "The hand goes through the steps above in this order. Nothing is sent meanwhile."
+    lost, frame, seconds = run_calibration(hand, register, prompts, said, LISTEN_SECONDS, waits)
+    if frame is None:
+        hand.bus.out_of_time("the end of the calibration, which is still running", "its end")
         if lost is not None:
             raise lost.reworded(
                 f"the calibration may have started. Its start was not acknowledged, its end was not reported: {lost.text}",
@@ -71,8 +56,10 @@ def calibrate(hand: ExoHand, prompts: Prompts) -> Table:
             f"the hand did not report that the calibration ended within {LISTEN_SECONDS:.0f} s (the report is not documented for this hand)",
             hint=Hint("check the positions with {}", "exo status"),
         )
+    elif seconds < LISTEN_SECONDS:
+        prompts.say(f"The hand reported the end after {seconds:.1f} s.")
     hand.journal.info("volatile", "the manual does not say whether a calibration survives power-off without a save")
     after = hand.read([e for name in ("position_actual", "force_actual", "error") for e in EXO[name].each])
-    table = calibration_result(hand, EXO["calibrate"], frame, after)
+    table = calibration_result(hand, register, frame, after)
     table.rows[0]["seconds"] = round(seconds, 1)
     return table

@@ -16,7 +16,7 @@ from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn_by_parts, error_finding
-from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, DRAWN, OVER_TEMPERATURE
+from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, DRAWN, OVER_TEMPERATURE, outside
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink
@@ -300,7 +300,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
         if param.bits and value:
             found.append(error_finding(reading, by_name.get(f"temperature.{reading.element.part}")))
         elif not _plausible(reading):
-            text = f"{reading.element.full_name} = {value} is outside {param.range_text or 'the plausible range'} ({param.source})"
+            text = outside(reading.element.full_name, param, value)
             found.append(Finding(text, ("range" if param.range_text else "supply",)))
     return found
 

@@ -6,7 +6,7 @@ meanwhile, and nothing stops it but the power.
 
 from __future__ import annotations
 
-from handctl.devices.inspire.calibration import calibrating, calibration_result, wait_for_calibration
+from handctl.devices.inspire.calibration import calibration_result, run_calibration
 from handctl.devices.inspire.hand.device import Hand
 from handctl.devices.inspire.register_bus import POWER_OFF
 from handctl.errors import Hint
@@ -31,20 +31,14 @@ def calibrate(hand: Hand, prompts: Prompts) -> Table:
         bus.pause(1.0)
         bus.check_bound("the calibration")
     prompts.done()
-    begun = hand.journal.ledger.mark
-    with calibrating(hand, prompts):
-        lost = bus.try_write(register.address, register.encode(1), "the start", "handctl still waits for the end")
-        prompts.say(f"{POWER_OFF} The calibration is running. handctl sends nothing until it ends.")
-        seconds = LISTEN if bus.reports else WAIT
-        frame = wait_for_calibration(bus, prompts, seconds)
+    said, seconds = "handctl sends nothing until it ends.", LISTEN if bus.reports else WAIT
+    lost, frame, _ = run_calibration(hand, register, prompts, said, seconds)
     if lost is not None and frame is None:
         raise lost.reworded(
             f"the calibration may have started. Its start was not acknowledged: {lost.text}",
             hint=Hint(f"{POWER_OFF} Wait until the hand has stopped moving, then check with {{}}", "hand status"),
         )
-    if frame is not None and frame.data == b"\0":
-        hand.journal.ledger.confirm("its end was reported", since=begun)
-    elif frame is None:
+    if frame is None:
         bus.out_of_time("the end of the calibration, which is still running", "its end")
         hand.journal.warn(
             "no-completion",

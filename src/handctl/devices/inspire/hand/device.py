@@ -25,16 +25,16 @@ from handctl.devices.inspire.hand.register_map import (
     MODELS,
     NO_MOVE_STATUS,
     OF_BYTES,
-    OVER_TEMPERATURE,
     THUMB_DEFAULT,
-    TOO_HOT_TO_MOVE,
     TP,
     HandRegister,
+    too_hot,
 )
 from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stranger
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T, error_finding
+from handctl.devices.inspire.register_map import OVER_TEMPERATURE, outside
 from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
@@ -397,13 +397,12 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
             found.append(error_finding(reading, at.get(f"temperature.{part}"), more))
         elif param.name == "status" and value in NO_MOVE_STATUS and not at.get(f"error.{part}"):
             found.append(Finding(f"{part}: status {value}, {param.label(value)}", (str(param.label(value)),)))
-        elif param.name == "temperature" and value != 255 and value >= TOO_HOT_TO_MOVE:
+        elif param.name == "temperature" and too_hot(value):
             if int(at.get(f"error.{part}") or 0) & OVER_TEMPERATURE:
                 continue  # said there
             found.append(Finding(f"{part}: {value} °C", ("hot",)))
         elif not param.bits and not param.allowed(value):
-            text = f"{reading.element.full_name} = {value} is outside {param.range_text} ({param.source})"
-            found.append(Finding(text, ("range",)))
+            found.append(Finding(outside(reading.element.full_name, param, value), ("range",)))
     return found
 
 
@@ -460,7 +459,7 @@ def status_view(rows: list[Row], spoken: tuple[str, str]) -> list[Grid]:
         if row is None:
             return ""
         if name in ("status", "error") and "value" in row:
-            bad = row["value"] in (5, 6, 7, 8) if name == "status" else bool(row["value"])
+            bad = row["value"] in NO_MOVE_STATUS if name == "status" else bool(row["value"])
             return Cell(str(row.get("label") or row["value"]), "bad" if bad else "good")
         return cell(row)
 

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
-from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, NO_TEMPERATURE, TOO_HOT_TO_MOVE
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, too_hot
 from handctl.devices.inspire.register_device import BEGINS, Movement, drawn_by_parts
 from handctl.devices.inspire.register_map import ALONE, DRAWN
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
@@ -60,7 +60,7 @@ def _against(reading: Reading) -> str:
         return f"{part} reports {reading.element.param.label(value)}"
     if name == "status" and value in NO_MOVE_STATUS:
         return f"{part} has status {value}, {reading.element.param.label(value)}"
-    if name == "temperature" and value != NO_TEMPERATURE and value >= TOO_HOT_TO_MOVE:
+    if name == "temperature" and too_hot(value):
         return f"{part} has {value} °C"
     return ""
 

@@ -13,15 +13,7 @@ from typing import TYPE_CHECKING
 from handctl.devices.inspire.duplicate_id import Row4, same_id
 from handctl.devices.inspire.hand.detect_generation import AT, LABEL, detect
 from handctl.devices.inspire.hand.model_and_protocol import asks_rtu, protocol_of_link
-from handctl.devices.inspire.hand.register_map import (
-    BYTE_MAP,
-    FINGERS,
-    IP_ADDRESS,
-    NO_MOVE_STATUS,
-    NO_TEMPERATURE,
-    STATUS,
-    TOO_HOT_TO_MOVE,
-)
+from handctl.devices.inspire.hand.register_map import BYTE_MAP, FINGERS, IP_ADDRESS, NO_MOVE_STATUS, STATUS, too_hot
 from handctl.devices.inspire.identity import BYTE_HAND, Kind
 from handctl.devices.inspire.modbus_bus import ModbusBus
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
@@ -193,7 +185,7 @@ def fingers(held: Values, *, swaps: bool = False) -> Row4:
             found.setdefault(part, []).append(f"error 0x{bits:02X}")
             keys += (BYTE_MAP["error"].label(bits) or "").split(", ")
     for part, degrees in held.get("temperature", {}).items():
-        if TOO_HOT_TO_MOVE <= degrees != NO_TEMPERATURE:
+        if too_hot(degrees):
             found.setdefault(part, []).append(f"{degrees} °C")
             keys.append("hot")
     if not found:

@@ -11,7 +11,7 @@ from typing import Any
 
 from handctl.devices.inspire.register_map import Register
 from handctl.fast_classes import fast_dataclass, replace
-from handctl.model.param import COMMAND, MOVES, SETTING, TRIGGER, ParamMap
+from handctl.model.param import COMMAND, MOVES, SETTING, TRIGGER, Number, ParamMap
 
 DF, TP, F1, DG2 = "df", "tp", "f1", "dg2"
 MODELS = {
@@ -38,8 +38,6 @@ ACTUATORS = tuple(f"m{number}" for number in range(1, 14))
 
 ERROR_BITS = ("locked_rotor", "over_temperature", "over_current", "motor", "communication")
 """rh56 §3.1, bit 0 first; bits 5 to 7 are undefined."""
-OVER_TEMPERATURE = 1 << ERROR_BITS.index("over_temperature")
-"""Not clearable: ends by cooling."""
 STATUS = {
     0: "releasing", 1: "grasping", 2: "position reached", 3: "force reached", 5: "current protection", 6: "locked rotor",
     7: "fault", 8: "emergency stop", 255: "no command yet",
@@ -51,6 +49,12 @@ TOO_HOT_TO_MOVE = 70
 """°C from which on a hand is not moved: ours, no manual has a limit (rh56 §9)."""
 NO_TEMPERATURE = 255
 """A temperature that is none (rh56 §1.1)."""
+
+
+def too_hot(degrees: Number) -> bool:
+    """Whether a hand with an actuator as warm as this is not moved."""
+    return TOO_HOT_TO_MOVE <= degrees != NO_TEMPERATURE
+
 
 HAND_BAUD_RATES = {0: 115200, 1: 57600, 2: 19200, 3: 921600}
 """Codes of a serial line in bit/s; 3 on TP, F1 and DG2 only (rh56 §2.1)."""

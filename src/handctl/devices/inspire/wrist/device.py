@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn, grouped
-from handctl.devices.inspire.register_map import DRAWN, register_of
+from handctl.devices.inspire.register_map import DRAWN, outside, register_of
 from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import CheckFailed, UsageError
 from handctl.link import CanFrame
@@ -119,10 +119,7 @@ class Wrist(RegisterDevice):
             if row["name"].startswith("error_") and row.get("value")
         ]
         findings += [
-            Finding(
-                f"{row['name']} = {value_text(row)} is outside {WRIST[row['name']].range_text} ({WRIST[row['name']].source})",
-                ("range",),
-            )
+            Finding(outside(row["name"], WRIST[row["name"]], row["value"]), ("range",))
             for row in table.rows
             # The range of move_time is this tool's own: what the wrist holds may be right.
             if "value" in row
