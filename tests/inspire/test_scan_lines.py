@@ -49,8 +49,10 @@ class Line(NamedTuple):
 
 KINDS = ("clean", "half-duplex", "traffic", "bluetooth")
 GRID = [
-    Line(*each) for each in product(KINDS, (0, 20, 62, 120, 250, 500), (0, 20, 60), (1, 3, 100, 254), SPEEDS)
-]  # fmt: skip
+    line
+    for line in map(Line._make, product(KINDS, (0, 20, 62, 120, 250, 500), (0, 20, 60), (1, 3, 100, 254), SPEEDS))
+    if line.kind == "bluetooth" or (line.id, line.speed) != (3, 19200)  # it is asked where it was typed
+]
 SHARE = [
     Line("clean", 0, 0, 254, 19200), Line("clean", 120, 0, 1, 57600), Line("clean", 500, 60, 100, 115200),
     Line("half-duplex", 0, 0, 100, 115200), Line("half-duplex", 20, 60, 3, 57600), Line("traffic", 0, 0, 100, 115200),

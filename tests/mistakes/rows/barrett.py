@@ -794,6 +794,15 @@ ROWS = (
         "tests/barrett/test_diagnose.py::test_the_forecast_of_heat_names_both_temperatures_in_degrees",
     ),
     mistake(
+        "care-a-limit-that-burns-is-suggested",
+        "harmful advice",
+        "handctl.devices.barrett.maintenance.health_limits",
+        "over_temperature_limit",
+        'meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= LIMIT_TENTHS else ""',
+        'meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""',
+        "tests/barrett/test_diagnose.py::test_what_was_meant_in_whole_degrees_is_never_above_the_limit",
+    ),
+    mistake(
         "care-strain-limit-touched-is-not-beyond",
         "range off by one",
         "handctl.devices.barrett.maintenance.health_limits",

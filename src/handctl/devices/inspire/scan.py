@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import suppress
+from itertools import groupby
 from typing import NamedTuple
 
 from handctl.devices.inspire import can_frames, eb90
@@ -384,7 +385,8 @@ class Sweep:
         task.left += self._left_out(link, speeds)
         probes = found.probes + self.probes
         ended = task.rows and not task.find_all and self.asked
-        tried = asked_text(self.asked if ended else dict.fromkeys(speeds, self.ids))
+        all_ids = {speed: [each for each in self.ids if (speed, each) not in self.unasked] for speed in speeds}
+        tried = asked_text(self.asked if ended else all_ids)
         summary = f"{probes} probes, {self._seconds:.2f} s, tried: {tried}"
         if self.asked_rtu:
             summary += ", and in Modbus RTU" + at_text(self.asked_rtu[0])
@@ -488,7 +490,10 @@ def ids_text(ids: Sequence[int]) -> str:
 
 
 def span_text(ids: Sequence[int]) -> str:
-    return f"id {ids[0]}" if len(ids) == 1 else f"ids {ids[0]} to {ids[-1]}"
+    """``ids 1 to 2, 4 to 254``; each in the order of its number."""
+    spans = [[each for _, each in run] for _, run in groupby(enumerate(ids), lambda pair: pair[1] - pair[0])]
+    words = ", ".join(f"{span[0]} to {span[-1]}" if len(span) > 1 else str(span[0]) for span in spans)
+    return f"{'id' if len(ids) == 1 else 'ids'} {words}"
 
 
 def asked_text(asked: Mapping[int | None, Collection[int]]) -> str:
