@@ -371,6 +371,15 @@ ROWS = (
         "tests/inspire/test_rh56_arrival.py::test_a_status_of_the_movement_before_is_no_contact",
     ),
     mistake(
+        "inspire-hand-a-fault-of-a-movement-is-its-status-alone",
+        "evidence believed",
+        "handctl.devices.inspire.hand.motion",
+        "move",
+        'found[part] = _seen(place, status, fault or "", fresh=part not in gripping)',
+        'found[part] = _seen(place, status, "", fresh=part not in gripping)',
+        "tests/inspire/test_rh56_arrival.py::test_a_fault_during_a_movement_is_its_end_whatever_the_angle_says",
+    ),
+    mistake(
         "inspire-hand-write-of-a-wrist-skips-what-the-hand-refuses",
         "bypassed gate",
         "handctl.devices.inspire.wrist.raw",
