@@ -23,6 +23,7 @@ from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes, hex_shown
+from handctl.model.write_ledger import ACKNOWLEDGED
 from handctl.wording import plural
 
 SYSTEM = 1000
@@ -204,7 +205,11 @@ class ModbusBus(ByteBus):
 
         Raises DeviceRefused for an exception; NoAnswer, ProtocolError when it is unknown whether the write arrived.
         """
+        echo, ledger = self.journal.line.echo, self.journal.ledger
+        mark = ledger.mark
         self.exchange(self.write_pdu(address, data))
+        if self.tcp or echo is not None:  # else the answer to function 06 may be our own bytes that come back
+            ledger.confirm(ACKNOWLEDGED, since=mark)
 
     def write_pdu(self, address: int, data: bytes) -> bytes:
         """The PDU of a write of bytes in the order of their addresses.

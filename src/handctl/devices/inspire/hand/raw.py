@@ -18,6 +18,7 @@ from handctl.link import ByteLink, CanFrame
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.write_ledger import ACKNOWLEDGED
 
 if TYPE_CHECKING:
     from handctl.command.run import Run
@@ -154,6 +155,9 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
             break
     if not received:
         raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
+    echo = bus.journal.line.echo
+    if mode_of(data) == RTU and echo is not None and received[len(data) * echo :].startswith(data):
+        bus.journal.ledger.confirm(ACKNOWLEDGED)  # the reply to function 06 looks as its request does
     explainer: InspireExplainer = InspireExplainer(hand.map if hand.typed is not None else BYTE_MAP)
     explainer.feed(HOST, data)
     pieces = [*explainer.feed(DEVICE, received), *explainer.flush()]
