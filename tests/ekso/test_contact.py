@@ -35,8 +35,11 @@ def test_a_disturbed_line_is_no_other_form(fault: str) -> None:
 def test_a_message_that_is_not_there_is_left_out(message: str, instead: bytes | None) -> None:
     usual = len(asked("dump").rows)
     with odd_ekso(body=lambda command, data: instead if command == SERVICES[message] else data):
-        dump, status = asked("dump"), asked("status")
+        dump, status, check = asked("dump"), asked("status"), asked("status", "--check")
     assert (dump.code, status.code) == (0, 0), (dump, status)
+    assert (check.code, check.error["code"] if check.code else "") == (
+        (0, "") if message == "feedback" else (7, "unhealthy")
+    )
     assert "not-on-this-firmware" in dump.codes()
     assert "not-on-this-firmware" in status.codes()
     assert len(dump.rows) == usual - {"settings": 22, "data": 27, "feedback": 17}[message]

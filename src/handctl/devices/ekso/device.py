@@ -121,6 +121,7 @@ class Ekso(Device):
     )
     additional = ("left_hip_x", "left_hip_y", "right_hip_x", "right_hip_y")
     slowly = ("steps_taken",)
+    vital = ("state", "upper_leg_length", "lower_leg_length")
     scales = MappingProxyType({
         **dict.fromkeys(("torso_pitch", "torso_roll"), (-30.0, 30.0)),
         **{f"{side}_{joint}_angle": (-30.0, 120.0) for side in ("left", "right") for joint in ("hip", "knee")},

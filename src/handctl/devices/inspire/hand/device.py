@@ -75,6 +75,7 @@ class Hand(RegisterDevice):
 
     kind = "hand"
     live = LIVE
+    vital = ("error", "status", "temperature")
     releases = RELEASES
     supply = "24 V, 2 A peak (RH56DFTP: 4.5 A)"
     speed_source = "rh56 §2.1"
