@@ -563,8 +563,7 @@ def _from_here(
             if stopped.error is LinkError and not (end and end.expired) and found_again(link):
                 if turns is not None:
                     turns.lost()
-                going = begin()
-                stopped = going.finish()
+                stopped = begun_at(run, link, sent, sequence, end).finish()
             if (access := run.connection.device_access) is not None:
                 device = run.family.kind, context_at(run, link).number
                 stopped = access.judged(stopped, [device])
