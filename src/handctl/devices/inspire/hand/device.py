@@ -24,6 +24,7 @@ from handctl.devices.inspire.hand.register_map import (
     MAPS,
     MODELS,
     NO_MOVE_STATUS,
+    NO_TEMPERATURE,
     OF_BYTES,
     OVER_TEMPERATURE,
     THUMB_DEFAULT,
@@ -398,7 +399,7 @@ def unhealthy(readings: Sequence[Reading]) -> list[Finding]:
             found.append(error_finding(reading, at.get(f"temperature.{part}"), more))
         elif param.name == "status" and value in NO_MOVE_STATUS and not at.get(f"error.{part}"):
             found.append(Finding(f"{part}: status {value}, {param.label(value)}", (str(param.label(value)),)))
-        elif param.name == "temperature" and value != 255 and value >= TOO_HOT_TO_MOVE:
+        elif param.name == "temperature" and value != NO_TEMPERATURE and value >= TOO_HOT_TO_MOVE:
             if int(at.get(f"error.{part}") or 0) & OVER_TEMPERATURE:
                 continue  # said there
             found.append(Finding(f"{part}: {value} °C", ("hot",)))
@@ -412,8 +413,9 @@ def cell(row: Row) -> str | Cell:
     """One value for people; what could not be read is a bad "?"."""
     if "error" in row and "value" not in row:
         return Cell("?", "bad")
-    value = row.get("value")
-    return Cell("-", "dim") if value == -1 and row["name"].endswith("_set") else str(value)
+    value, name = row.get("value"), row["name"]
+    nothing = NO_TEMPERATURE if name == "temperature" else -1 if name.endswith("_set") else None
+    return str(value) if value != nothing else Cell("-", "dim")
 
 
 def registers_view(rows: list[Row]) -> list[Grid]:
