@@ -46,6 +46,16 @@ def test_a_message_that_is_not_there_is_left_out(message: str, instead: bytes | 
     assert not [row for row in (*dump.rows, *status.rows) if "error" in row]
 
 
+@each_row("message", ["settings", "data", "feedback"])
+def test_a_message_of_another_size_is_there_and_not_read(message: str) -> None:
+    for change in (lambda data: data[:-2], lambda data: data + b"\0\0"):
+        with odd_ekso(body=lambda command, data, change=change: change(data) if command == SERVICES[message] else data):
+            dump, status = asked("dump"), asked("status")
+        assert (dump.code, status.code) == (5, 5), (dump, status)
+        assert "not-on-this-firmware" not in dump.codes() + status.codes()
+        assert {"error" in row for row in status.rows} == {True, False}, "the others are shown"
+
+
 def test_what_alone_is_not_answered_is_asked_with_reads_only() -> None:
     """A write was answered last: nothing of it is sent to look who is there."""
     from handctl.devices.ekso.frames import Command

@@ -183,6 +183,15 @@ ROWS = (
         "tests/ekso/test_settings.py::test_the_answer_is_lost_and_the_value_not_taken",
     ),
     mistake(
+        "ekso-a-message-of-another-size-is-not-there",
+        "evidence believed",
+        "handctl.devices.ekso.device",
+        "Ekso._judged",
+        'other_size = isinstance(found, ProtocolError) and found.code == "bad-length" and len(found.came) != STATUS_SIZE',
+        "other_size = False",
+        "tests/ekso/test_contact.py::test_a_message_of_another_size_is_there_and_not_read",
+    ),
+    mistake(
         "ekso-what-takes-effect-later-is-called-the-old-value",
         "evidence believed",
         "handctl.devices.ekso.setting_writer",
