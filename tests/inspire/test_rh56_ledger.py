@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 from tests.support.cli import Result, run
@@ -26,10 +27,36 @@ def test_our_own_bytes_confirm_nothing(tmp_path: Path, words: tuple[str, ...]) -
 
 
 def test_the_result_of_a_save_of_another_hand_confirms_nothing() -> None:
-    def of_id_3(frame: bytes) -> bytes:
-        body = bytes([3]) + frame[3:-1]
-        return frame[:2] + body + bytes([sum(body) & 255]) if frame[4:7] == b"\x11\xed\x03" else frame
-
-    with odd_registers(every=of_id_3):
+    with odd_registers(every=lambda frame: sealed(b"\3" + frame[3:-1]) if frame[4:7] == b"\x11\xed\x03" else frame):
         done = run("hand", "save", "-p", "fake://hand?clock=virtual", "-y", "--json")
     assert "no-result" in done.codes() and states(done) == ["sent"], done
+
+
+@each_row(
+    ("changed", "code", "error"),
+    [
+        (lambda frame: sealed(b"\x02" + frame[3:-1]), 5, "stale"),
+        (lambda frame: sealed(frame[2:-2] + b"\xff") if frame[4:7] == b"\x11\xed\x03" else frame, 6, "refused"),
+    ],
+)
+def test_raw_bytes_of_a_save_are_judged_as_those_of_an_exo(
+    changed: Callable[[bytes], bytes], code: int, error: str
+) -> None:
+    with odd_registers(every=lambda frame: changed(frame) if frame[5:7] == b"\xed\x03" else frame):
+        done = run(
+            "hand",
+            "raw",
+            "EB 90 01 04 12 ED 03 01 08",
+            "--wait",
+            "2",
+            "-p",
+            "fake://hand?clock=virtual",
+            "-y",
+            "--json",
+        )
+    assert (done.code, done.error["code"]) == (code, error), done
+
+
+def sealed(body: bytes) -> bytes:
+    """A frame of the device around this body."""
+    return b"\x90\xeb" + body + bytes([sum(body) & 255])

@@ -452,6 +452,15 @@ ROWS = (
         "tests/inspire/test_rh56_ledger.py::test_the_result_of_a_save_of_another_hand_confirms_nothing",
     ),
     mistake(
+        "hand-raw-bytes-are-not-judged",
+        "wrong exit code",
+        "handctl.devices.inspire.hand.raw",
+        "exchange",
+        "if not mode_of(data):",
+        "if False:",
+        "tests/inspire/test_rh56_ledger.py::test_raw_bytes_of_a_save_are_judged_as_those_of_an_exo",
+    ),
+    mistake(
         "inspire-echo-on-an-echoing-bus-acknowledges",
         "evidence believed",
         "handctl.devices.inspire.can_bus",

@@ -159,7 +159,7 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
     if mode_of(data) == RTU and echo is not None and received[len(data) * echo :].startswith(data):
         bus.journal.ledger.confirm(ACKNOWLEDGED)  # the reply to function 06 looks as its request does
     explainer: InspireExplainer = InspireExplainer(hand.map if hand.typed is not None else BYTE_MAP)
-    explainer.feed(HOST, data)
+    asks = {piece.asks for piece in explainer.feed(HOST, data)} - {""}
     pieces = [*explainer.feed(DEVICE, received), *explainer.flush()]
     rows: list[Row] = [
         {"direction": "device", "meaning": piece.meaning, "problem": piece.problem or None, "raw": hex_bytes(piece.raw)}
@@ -167,4 +167,7 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
         if piece.direction == DEVICE
     ]
     bus.journal.counters.received += len(rows)
-    return Table(rows=rows, columns=COLUMNS, extra={"received": hex_bytes(received)})
+    table = Table(rows=rows, columns=COLUMNS, extra={"received": hex_bytes(received)})
+    if not mode_of(data):
+        table.failure = by_number.failure_of_replies(hand, data, received, pieces, asks)
+    return table
