@@ -319,7 +319,8 @@ class ModbusBus(ByteBus):
                         self._compare(taken, answer)
                     taken = answer  # of two that have come the later one: the first may belong to the question before
                 elif fits and not self._owed:
-                    kept, deadline = answer, self.link.deadline(BEHIND).earlier(deadline)
+                    deadline = self.deadline(BEHIND) if kept is None else deadline  # a short probe waits so long, too
+                    kept = answer
                 else:
                     odd.append(answer)
             if taken is not None:
