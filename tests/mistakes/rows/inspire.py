@@ -793,6 +793,15 @@ ROWS = (
         "tests/inspire/test_rh56_host.py::test_a_stop_sets_every_speed_to_zero",
     ),
     mistake(
+        "hand-stop-on-can-ends-at-the-first-frame",
+        "stop sent once",
+        "handctl.devices.inspire.hand.stopper",
+        "_speed_0",
+        "left.append(start)",
+        "return done",
+        "tests/inspire/test_rh56_stop.py::test_every_frame_of_a_stop_on_can_goes_out_whatever_became_of_the_first",
+    ),
+    mistake(
         "hand-stop-that-reads-otherwise",
         "evidence believed",
         "handctl.devices.inspire.hand.stopper",
