@@ -85,7 +85,7 @@ def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stoppe
         return (yield from _lasting(wire, hand, done))
     if (shown := (yield from _word_map(wire))) is not None:
         return (yield from _stop_by(context, wire, shown))
-    text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
+    text = "a device acknowledged speed 0, but did not show that it is an RH56 hand with byte addresses"
     return Stopped(text, LABEL, ProtocolError)
 
 
