@@ -35,12 +35,25 @@ def test_a_disturbed_line_is_no_other_form(fault: str) -> None:
 def test_a_message_that_is_not_there_is_left_out(message: str, instead: bytes | None) -> None:
     usual = len(asked("dump").rows)
     with odd_ekso(body=lambda command, data: instead if command == SERVICES[message] else data):
-        dump, status = asked("dump"), asked("status")
+        dump, status, check = asked("dump"), asked("status"), asked("status", "--check")
     assert (dump.code, status.code) == (0, 0), (dump, status)
+    assert (check.code, check.error["code"] if check.code else "") == (
+        (0, "") if message == "feedback" else (7, "unhealthy")
+    )
     assert "not-on-this-firmware" in dump.codes()
     assert "not-on-this-firmware" in status.codes()
     assert len(dump.rows) == usual - {"settings": 22, "data": 27, "feedback": 17}[message]
     assert not [row for row in (*dump.rows, *status.rows) if "error" in row]
+
+
+@each_row("message", ["settings", "data", "feedback"])
+def test_a_message_of_another_size_is_there_and_not_read(message: str) -> None:
+    for change in (lambda data: data[:-2], lambda data: data + b"\0\0"):
+        with odd_ekso(body=lambda command, data, change=change: change(data) if command == SERVICES[message] else data):
+            dump, status = asked("dump"), asked("status")
+        assert (dump.code, status.code) == (5, 5), (dump, status)
+        assert "not-on-this-firmware" not in dump.codes() + status.codes()
+        assert {"error" in row for row in status.rows} == {True, False}, "the others are shown"
 
 
 def test_what_alone_is_not_answered_is_asked_with_reads_only() -> None:

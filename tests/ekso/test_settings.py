@@ -366,6 +366,22 @@ def test_accepted_without_effect(bench: Bench) -> None:
     assert len(bench.unit.written()) == 1
 
 
+def test_what_was_accepted_and_takes_effect_later_is_not_called_the_old_value(bench: Bench) -> None:
+    unit, due = bench.unit, list[float]()
+
+    def accept(msg_id: int, _body: bytes) -> list[Reply]:
+        due.append(unit.clock + 0.3)
+        return [(0.001, frame(SET, msg_id, pack([0])))]
+
+    def look(_msg_id: int, _body: bytes) -> None:
+        if due and unit.clock >= due[0]:
+            unit.set_to(202, 1600)
+
+    unit.on = {SET: accept, SETTINGS: look}
+    assert bench.set("step_length=16") == [16.0]
+    assert len(unit.written()) == 1
+
+
 def test_refused_and_yet_taken(bench: Bench) -> None:
     bench.unit.on = {SET: lambda msg_id, body: [(0.001, frame(SET, msg_id, take(bench, body, 2)))]}
     ledger = bench.port.journal.ledger

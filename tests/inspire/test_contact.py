@@ -116,6 +116,25 @@ def test_a_register_that_is_not_there_is_left_out(
     assert not [row for row in result.rows if "error" in row]
 
 
+@each_row(
+    ("family", "span", "options"),
+    [
+        ("exo", (1606, 5), {}),
+        ("exo", (1618, 5), {}),
+        ("hand", STATES, {}),
+        ("hand", (1606, 6), {"bus": "modbus-tcp", "model": "tp"}),
+        ("hand", (1612, 6), {"speaks": "modbus"}),
+        ("hand", (1618, 6), {"bus": "can"}),
+    ],
+)
+def test_what_does_not_report_its_health_is_not_healthy(
+    family: str, span: tuple[int, int], options: dict[str, str]
+) -> None:
+    with odd_registers(without=(span,)):
+        result = asked(family, "status", "--check", **options)
+    assert (result.code, result.error["code"]) == (7, "unhealthy"), result
+
+
 def test_a_hand_that_shows_itself_in_part_is_read_and_not_written_to(tmp_path: Path) -> None:
     scratch_of(tmp_path)
     with odd_registers(without=((1606, 6),)):

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 import handctl
 from handctl.devices.inspire.eb90 import pack_s16
 from handctl.errors import NotConfirmed
+from handctl.sim.hand.registers import Hand
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 from tests.support.odd_devices import odd_registers
+from tests.support.swap import swapped
 
 ALL = ("little", "ring", "middle", "index", "thumb_bend", "thumb_rotation")
 
@@ -53,6 +56,32 @@ def test_the_end_of_a_movement(at: str, words: tuple[str, ...], code: str | None
     ended = hand(*words, at=at)
     assert (ended.code, ended.error["code"] if ended.code else None) == (7 if code else 0, code), ended
     assert {row["arrival"] for row in ended.rows} == {arrival}
+
+
+@each_row(
+    ("address", "byte", "why"),
+    [
+        (1606, bits, label)
+        for bits, label in ((1, "locked_rotor"), (4, "over_current"), (8, "motor"), (16, "communication"))
+    ]
+    + [(1612, 255, "it has restarted")],
+)
+def test_a_fault_during_a_movement_is_its_end_whatever_the_angle_says(address: int, byte: int, why: str) -> None:
+    """The status code may go on as before: the error bits, and a status as behind a power-on, speak against the movement too."""
+    write, holds = Hand.write, dict[int, bytes]()
+
+    def wrote(self: Hand, place: int, *more: Any) -> bool | None:
+        holds[address] = bytes([byte] * 6)
+        return write(self, place, *more)
+
+    for expect in ("reached", "any"):
+        holds.clear()
+        with odd_registers(holds=holds), swapped((Hand, "write", wrote)):
+            ended = hand("angle", "index=900", "--wait", "3", "--expect", expect)
+        assert ended.code == 7, ended
+        assert ended.error["code"] == "blocked"
+        assert why in ended.error["text"]
+        assert {row["arrival"] for row in ended.rows} == {"blocked"}
 
 
 @pytest.mark.parametrize("expect", ["reached", "contact", "any"])

@@ -44,3 +44,9 @@ def test_the_exoskeleton_hand_is_told_of_its_own(words: str, options: str) -> No
 def test_silence_names_what_a_hand_needs() -> None:
     text = told("hand", "id 2", "fault=silent")
     assert "24 V" in text and "`handctl hand scan`" in text
+
+
+@each_row("fault", ["silent", "truncate", "noise"])
+def test_a_connection_has_no_speed_no_second_master_and_one_protocol(fault: str) -> None:
+    text = told("hand", "status", f"bus=modbus-tcp&fault={fault}")
+    assert not [word for word in ("baud", "RS-485", "eb90", "ground", "master") if word in text], text

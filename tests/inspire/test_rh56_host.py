@@ -23,6 +23,7 @@ from handctl.sim.hand.register_maps import GENERATIONS
 from tests.inspire.rh56_support import CAN, EB90, RTU, TCP, hand_on
 from tests.support.cli import run
 from tests.support.each_row import each_row
+from tests.support.odd_devices import odd_registers
 from tests.support.refused import refused
 
 SPOKEN = [
@@ -329,3 +330,9 @@ def test_a_hand_is_called_silent_in_eb90_only_where_it_is(model: str, option: st
     """A hand with word addresses may leave the first question unanswered, which asks for an address of the others."""
     result = run("hand", "get", "id", "-p", f"fake://hand?model={model}&clock=virtual&{option}", "--json")
     assert (result.code, result.rows[0]["value"], result.codes()) == (0, 1, told)
+
+
+def test_a_temperature_that_was_not_measured_is_shown_as_none() -> None:
+    with odd_registers(holds={1618: b"\xff" * 6}):
+        done = run("hand", "status", "-p", "fake://hand?clock=virtual")
+    assert (done.code, "255" in done.out) == (0, False), done

@@ -162,15 +162,20 @@ def test_a_hand_that_counts_wrongly_is_read_and_said_so(number: Callable[[int], 
 
 
 @each_row("apart", [0.0, 0.02])
-def test_the_answer_before_comes_again_before_each_answer(apart: float) -> None:
-    """It names the question before, and the right one is behind it: groups of one size are not mixed up."""
+@each_row("typed", ["tp", None])
+def test_the_answer_before_comes_again_before_each_answer(typed: str | None, apart: float) -> None:
+    """It names the question before, and the right one is behind it: groups of one size are not mixed up.
+
+    Without --model short probes are the first questions: they wait for the right one as well.
+    """
     old = [b""]
 
     def stale(_request: bytes, answer: bytes) -> Pieces:
         old.append(answer)
-        return [*([(DELAY, old[-2])] if old[-2] else []), (DELAY + apart, answer)]
+        again = old[-2] if len(old[-2]) == len(answer) else b""
+        return [(0.0005, again), (0.0005 + apart, answer)] if again else [(0.0005, answer)]
 
-    hand = host(Odd(TCP, golden("tp"), stale))
+    hand = host(Odd(TCP, golden("tp"), stale), typed=typed)
     assert {name: values(hand, name) for name in RIGHT} == RIGHT
 
 

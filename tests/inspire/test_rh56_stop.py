@@ -117,6 +117,19 @@ def test_a_loopback_of_the_adapter_is_no_refusal() -> None:
     assert alone.error is not None and alone.error is not DeviceRefused, alone
 
 
+@each_row("lost", [(1522,), (1530,), (1522, 1530)])
+def test_every_frame_of_a_stop_on_can_goes_out_whatever_became_of_the_first(lost: tuple[int, ...]) -> None:
+    """Speed 0 takes two frames there: the thumb must not run on because the acknowledgement for the four fingers was lost."""
+    odd = Odd(CAN, golden("tp"))
+
+    def deaf(frame: CanFrame) -> list[tuple[float, CanFrame]]:
+        replies = odd.frame(frame)
+        return [] if frame.can_id >> 14 & 0xFFF in lost and len(frame.data) > 1 else replies
+
+    stopped = exchange_steps(ScriptedFrames(deaf), sequence(CAN), [])
+    assert stopped.error is NoAnswer and odd.memory[SPEEDS] == bytes(12), stopped
+
+
 @each_row("wire", [RTU, TCP])
 @each_row(("code", "error"), [(2, DeviceRefused), (6, DeviceRefused), (0x0A, LinkError), (0x0B, NoAnswer)])
 def test_an_exception_is_told_as_what_it_is(wire: str, code: int, error: type[HandctlError]) -> None:

@@ -88,6 +88,14 @@ def test_ctrl_c_reaches_the_device_over_a_port_that_comes_back(move: str, tmp_pa
     assert ASKS.get(move, "") in after(trace, "reconnect")[0]
 
 
+@each_row("link", ["exo?", "wrist?", "wrist?bus=can&", "hand?", "hand?bus=modbus-tcp&", "barrett?", "aidin?"])
+def test_a_stop_by_itself_goes_out_over_a_port_that_comes_back(link: str) -> None:
+    stopped = run(link.partition("?")[0], "stop", "-p", f"fake://{link}clock=virtual&unplug=0.0001:0.4", "--json")
+    assert stopped.code == 0, stopped
+    gone = run(link.partition("?")[0], "stop", "-p", f"fake://{link}clock=virtual&unplug=0.0001:90", "--json")
+    assert gone.code == 3 and gone.error["hint"], gone
+
+
 @each_row("move", [name for name in MOVES if name != "aidin"])
 def test_of_a_port_that_stays_away_nothing_is_said_to_have_stopped(move: str) -> None:
     words, link, at = MOVES[move]

@@ -256,6 +256,7 @@ class Device(ABC):
     columns      of its tables; `plain` of --format plain, where these are fewer
     live         the quantities that change during use: the default of `watch`
     additional   also shown in the live view when no quantity was named; those in `slowly` once a second
+    vital        without which `status --check` finds no device healthy
     scales       ends of the live view's bars where no range is documented: ours, and wider as soon as more is seen
     no_value     keys of a row whose value could not be read, beside its error
     worn         a person may be wearing it, so movements need a confirmation
@@ -276,6 +277,7 @@ class Device(ABC):
     live: tuple[str, ...]
     additional: tuple[str, ...] = ()
     slowly: tuple[str, ...] = ()
+    vital: tuple[str, ...] = ()
     scales: Mapping[str, tuple[float, float]] = MappingProxyType({})
     no_value: Mapping[str, None] = MappingProxyType({})
     worn = False
@@ -550,6 +552,10 @@ class Device(ABC):
         """
         from handctl.model.device_picture import hint_for, hint_of
 
+        read = {row["name"] for row in table.rows if row.get("value") is not None}
+        if unread := [name for name in self.vital if name not in read]:
+            text = f"{', '.join(unread)} could not be read: whether it is healthy is not known"
+            findings = [*findings, Finding(text, (), Hint("run {}", f"{self.kind} doctor"))]
         for finding in findings:
             self.journal.warn("unhealthy", finding.text, hint_for(self.kind, finding))
         every = [*more(), *(finding.text for finding in findings)]

@@ -38,6 +38,7 @@ from handctl.model.stop_sequence import (
     StopContext,
     Stopped,
     StopSequence,
+    found_again,
     stop_sequence_of,
     writes_without_replies,
 )
@@ -559,6 +560,10 @@ def _from_here(
             begin = partial(begun_at, run, link, [], sequence, end)
             going = begin() if turns is None else turns.of(run, link, begin, end)
             stopped, sent = going.finish(), going.sent
+            if stopped.error is LinkError and not (end and end.expired) and found_again(link):
+                if turns is not None:
+                    turns.lost()
+                stopped = begun_at(run, link, sent, sequence, end).finish()
             if (access := run.connection.device_access) is not None:
                 device = run.family.kind, context_at(run, link).number
                 stopped = access.judged(stopped, [device])

@@ -73,6 +73,16 @@ ROWS = (
         "tests/kernel/test_text_lines.py::test_a_line_with_one_is_refused_before_anything_is_sent",
     ),
     mistake(
+        "what-does-not-report-its-health-is-healthy",
+        "evidence believed",
+        "handctl.model.device",
+        "Device.with_findings",
+        "if unread := [name for name in self.vital if name not in read]:",
+        "if not read and (unread := list(self.vital)):",
+        "tests/inspire/test_contact.py::test_what_does_not_report_its_health_is_not_healthy",
+        "tests/ekso/test_contact.py::test_a_message_that_is_not_there_is_left_out",
+    ),
+    mistake(
         "one-damaged-reply-is-a-form",
         "evidence believed",
         "handctl.model.device",

@@ -22,6 +22,15 @@ AGAIN = "return asked_again and access is not None and "
 
 ROWS = (
     mistake(
+        "stop-by-itself-gives-a-lost-port-up",
+        "stop sent once",
+        "handctl.stop.stop_command",
+        "_from_here",
+        "if stopped.error is LinkError and not (end and end.expired) and found_again(link):",
+        "if False:",
+        f"{LOST}a_stop_by_itself_goes_out_over_a_port_that_comes_back",
+    ),
+    mistake(
         "stop-of-an-exo-takes-another-reply-for-silence",
         "wrong exit code",
         EXO,

@@ -124,6 +124,7 @@ class BarrettHand(Device):
     product = "BH8"
     map = BARRETT
     live = ("position", "strain", "status", "temperature")
+    vital = ("status",)
     scales: Mapping[str, tuple[float, float]] = MappingProxyType({"position": (0.0, float(TRAVEL[0]))})
     columns = (NAME, GCL, MOTOR, VALUE, UNIT, LABEL)
     view = staticmethod(parameters_view)

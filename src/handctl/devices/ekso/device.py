@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from handctl.devices.ekso import write_checks
 from handctl.devices.ekso.dataport import DataPort
-from handctl.devices.ekso.frames import READS, START_MOVEMENT, Command, cancel_body, status_text, unpack
+from handctl.devices.ekso.frames import OVERHEAD, READS, START_MOVEMENT, Command, cancel_body, status_text, unpack
 from handctl.devices.ekso.parameter_map import (
     CLOCKS,
     DATA,
@@ -105,6 +105,8 @@ def dump_view(rows: list[Row]) -> list[Grid]:
 
 OPEN = ("no-answer", "echo", "acknowledged", "bad-length")
 """Codes of a message that this firmware may not have, where it has others."""
+STATUS_SIZE = OVERHEAD + 2
+"""Bytes of a reply that holds a status word: it refuses. One of another size is there, and of another version."""
 
 
 class Ekso(Device):
@@ -121,6 +123,7 @@ class Ekso(Device):
     )
     additional = ("left_hip_x", "left_hip_y", "right_hip_x", "right_hip_y")
     slowly = ("steps_taken",)
+    vital = ("state", "upper_leg_length", "lower_leg_length")
     scales = MappingProxyType({
         **dict.fromkeys(("torso_pitch", "torso_roll"), (-30.0, 30.0)),
         **{f"{side}_{joint}_angle": (-30.0, 120.0) for side in ("left", "right") for joint in ("hip", "knee")},
@@ -236,19 +239,27 @@ class Ekso(Device):
         return _picked(elements, {message: self._judged(message, one) for message, one in found.items()})
 
     def _judged(self, message: str, found: Found) -> Found:
-        """NotPresent, from now on, for a message that alone is silent, or only acknowledged."""
-        if isinstance(found, NoAnswer | ProtocolError) and found.code in OPEN and self.port.lacks(READS[message]):
+        """NotPresent, from now on, for a message that alone is silent, only acknowledged, or answered by a status word."""
+        other_size = isinstance(found, ProtocolError) and found.code == "bad-length" and len(found.came) != STATUS_SIZE
+        if (
+            isinstance(found, NoAnswer | ProtocolError)
+            and found.code in OPEN
+            and not other_size
+            and self.port.lacks(READS[message])
+        ):
             found = self._lacking[message] = NotPresent.shown_by(found)
         return found
 
     def asked(self, message: str) -> list[Reading]:
-        """`readings`; of a message that alone is silent, or only acknowledged, words that are not present. Raises what `readings` raises."""
+        """`readings`; of a message that alone is silent, or only acknowledged, words that are not present, and of one of another size
+        words that could not be read. Raises what `readings` raises."""
         try:
             return self.readings(message)
         except (NoAnswer, ProtocolError) as exc:
             error = self._judged(message, exc)
-            if not isinstance(error, NotPresent):
+            if not isinstance(error, NotPresent) and exc.code != "bad-length":
                 raise
+            assert isinstance(error, HandctlError)
             words = MESSAGES.get(message) or [clock for clock in CLOCKS if clock.name == message]
             return _unread(words, error)
 

@@ -276,7 +276,8 @@ class Writer:
 
     def _read_back(self, change: Change, before: Raws, answer: Frame | None) -> Raws:
         after = self.port.settings_raw()
-        if answer is None and after == before:  # perhaps on its way: look again before saying that it was not taken
+        refused = answer is not None and answer.status & 0xFF
+        if after == before and not refused:  # perhaps on its way: look again before saying that it was not taken
             self.port.link.sleep(BETWEEN_WRITES)
             after = self.port.settings_raw()
         return after

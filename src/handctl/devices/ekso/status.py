@@ -27,13 +27,14 @@ CLOCK_SECONDS = 60.0
 
 
 def status(ekso: Ekso, check: bool) -> Table:
-    """Read data twice, settings, feedback and clock. Raises the error of one that cannot be read, unless this firmware lacks it."""
+    """Read data twice, settings, feedback and clock. Raises the error of one that is not answered, unless this firmware lacks it."""
     first, moment = ekso.asked("data"), ekso.port.moment
     ekso.link.sleep(READS_APART)
     second, later = (ekso.readings("data") if first[0].value is not None else first), ekso.port.moment
     settings = ekso.asked("settings")
     feedback = ekso.asked("feedback")
-    there = {id(reading) for reading in ekso.present([*second, *settings, *feedback])}
+    present = ekso.present([*second, *settings, *feedback])
+    there = {id(reading) for reading in present if reading.error is None}
     data = second if id(second[0]) in there else []
     settings = [reading for reading in settings if id(reading) in there]
     feedback = [reading for reading in feedback if id(reading) in there]
@@ -48,14 +49,16 @@ def status(ekso: Ekso, check: bool) -> Table:
         findings += unfit(_values(data), _values(settings))
         for text in _remarks(data, settings):
             ekso.journal.info("remark", text)
-    table = Table(rows=rows, columns=ekso.columns, view=status_view)
+    unread = [reading for reading in present if reading.error is not None]
+    rows += [ekso.row(reading) for reading in unread]
+    table = Table(rows=rows, columns=ekso.columns, view=status_view, failure=unread[0].error if unread else None)
     try:
         rows += _clock(ekso)
     except HandctlError as exc:  # all the rest is known, and shown
         rows.append({"name": "clock", "word": None, "id": None, "error": exc.text, "unit": None})
         findings.append(Finding(f"date and time cannot be read: {exc.text}", ("clock",)))
         over = ekso.port.over
-        table.failure = exc if over or isinstance(exc, LinkError) else None
+        table.failure = exc if over or isinstance(exc, LinkError) else table.failure
     return ekso.with_findings(table, findings, check)
 
 

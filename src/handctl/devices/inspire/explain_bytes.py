@@ -960,11 +960,12 @@ class InspireWriteRules(WriteRules):
 
     def __init__(self, shown: InspireExplainer) -> None:
         self._shown = shown
-        self._can: dict[int, bytes] = {}
+        self._own: dict[int | None, bytes] = {}
+        """What went out last whose acknowledgement may look as it does: under each CAN id, and of Modbus RTU."""
         self._begun = b""
         """Of a frame that what is sent next may complete."""
-        self._save = ""
-        """Key of a save, whose acknowledgement tells only that its result will come."""
+        self._save: tuple[str, object] = ("", None)
+        """Key and id of a save, whose acknowledgement tells only that its result will come."""
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Written]:
         """See WriteRules."""
@@ -982,23 +983,24 @@ class InspireWriteRules(WriteRules):
             self._begun = b"" if piece.frame else (self._begun + piece.raw)[-LARGEST:]
             to = next(iter(self.addressed(self._begun or piece.raw, can_id)), None)
             found.append(Written(piece.raw, piece.asks or None, same, can_id=can_id, lasts=lasts, to=to, new_id=new))
-            if can_id is not None:
-                self._can[can_id] = data
+            if can_id is not None or mode_of(piece.raw) == RTU:
+                self._own[can_id] = piece.raw
             elif piece.fields.get("address") == self._shown.places["save"] and "flag" in piece.fields:
-                self._save = piece.asks
+                self._save = piece.asks, piece.fields["id"]
         return found
 
     def came(self, data: bytes, can_id: int | None) -> Iterable[tuple[Hashable, bool]]:
         """See WriteRules."""
         for piece in self._shown.feed(DEVICE, data, can_id):
-            if piece.problem not in ("", "refused") or (can_id is not None and data == self._can.get(can_id)):
+            if piece.problem not in ("", "refused") or piece.raw == self._own.get(can_id):
                 continue  # what may be our own write coming back: who asked knows whether it is
             if piece.problem and (mode := mode_of(piece.raw)) and pdu_of(piece.raw, mode)[1] in modbus_frames.UNSURE:
                 continue  # it is no refusal
-            key, save = piece.answers, self._save
+            key, (save, by) = piece.answers, self._save
             if save and key == save and not piece.problem:
                 continue
-            if save and not key and piece.fields.get("address") == self._shown.places["save"]:
+            place = piece.fields.get("address"), piece.fields.get("id")
+            if save and not key and place == (self._shown.places["save"], by):
                 key = save  # its result
             if key:
                 yield key, not piece.problem

@@ -23,6 +23,7 @@ from handctl.link import ByteLink, CanFrame, Deadline
 from handctl.model.frame_decoder import frames_in
 from handctl.model.param import Step
 from handctl.model.result import Journal, hex_bytes, hex_shown
+from handctl.model.write_ledger import ACKNOWLEDGED
 from handctl.wording import plural
 
 SYSTEM = 1000
@@ -204,7 +205,11 @@ class ModbusBus(ByteBus):
 
         Raises DeviceRefused for an exception; NoAnswer, ProtocolError when it is unknown whether the write arrived.
         """
+        echo, ledger = self.journal.line.echo, self.journal.ledger
+        mark = ledger.mark
         self.exchange(self.write_pdu(address, data))
+        if self.tcp or echo is not None:  # else the answer to function 06 may be our own bytes that come back
+            ledger.confirm(ACKNOWLEDGED, since=mark)
 
     def write_pdu(self, address: int, data: bytes) -> bytes:
         """The PDU of a write of bytes in the order of their addresses.
@@ -314,7 +319,8 @@ class ModbusBus(ByteBus):
                         self._compare(taken, answer)
                     taken = answer  # of two that have come the later one: the first may belong to the question before
                 elif fits and not self._owed:
-                    kept, deadline = answer, self.link.deadline(BEHIND).earlier(deadline)
+                    deadline = self.deadline(BEHIND) if kept is None else deadline  # a short probe waits so long, too
+                    kept = answer
                 else:
                     odd.append(answer)
             if taken is not None:
@@ -407,7 +413,8 @@ class ModbusBus(ByteBus):
 
     def _failure(self, request: bytes, received: bytes, odd: Sequence[Answer], since: float) -> HandctlError:
         if not received:
-            return self.unanswered(hex_bytes(request), self.timeout, since, SILENCE_HINT)
+            hint = TCP_HINTS["silence"] if self.tcp else SILENCE_HINT
+            return self.unanswered(hex_bytes(request), self.timeout, since, hint)
         came = f"(sent {hex_bytes(request)}, received {hex_shown(received)})"
         code, text = "garbage", f"received {plural(len(received), 'byte')} instead of a valid Modbus reply"
         if received == request:
@@ -421,7 +428,7 @@ class ModbusBus(ByteBus):
             code, text = "cut-short", "the reply is corrupted or cut off"
         elif not self.tcp and _whole(received) and received[0] != self.id:
             code, text = "wrong-id", f"id {received[0]} replied instead"
-        hint = OTHER_SERVICE_HINT if code == "garbage" and self.tcp else HINTS[code]
+        hint = TCP_HINTS.get(code, HINTS[code]) if self.tcp else HINTS[code]
         return ProtocolError(f"{self.where}: {text} {came}", hint=hint, code=code, came=received)
 
     def _fewer(self, request: bytes, received: bytes, odd: Sequence[Answer]) -> int | None:
@@ -456,6 +463,10 @@ HINTS = {
     "cut-short": "check the cable, the ground and the baud rate, and that only one hand has this id",
     "wrong-id": "use --id with the id shown",
 }
-OTHER_SERVICE_HINT = (
-    f"check the address and the port: another service may reply there. The hand's port is {FAMILIES['hand'].tcp_port}"
-)
+TCP_HINTS = {
+    "silence": "check the power (24 V) and the network cable, and that no other program is connected to the hand",
+    "garbage": f"check the address and the port: another service may reply there. The hand's port is {FAMILIES['hand'].tcp_port}",
+    "stale": "it may be a late reply to an earlier request: run the command again with --timeout 2",
+    "cut-short": "check the network cable, and the address and the port: another service may reply there",
+}
+"""What a connection has in place of a serial line: no speed, no id, no second master."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from itertools import groupby
@@ -12,7 +12,7 @@ from handctl.devices.inspire.explain_bytes import InspireExplainer, stretches
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.register_map import Register
 from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak
-from handctl.errors import CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step
 from handctl.model.result import Column, Row, Table, hex_bytes, hex_shown
@@ -249,18 +249,28 @@ def exchange(hand: RegisterDevice, data: bytes, wait: float) -> Table:
     bus.journal.counters.stray_bytes += len(received) - sum(len(piece.raw) for piece in pieces)
     extra = {"received": hex_bytes(received)}
     table = Table(rows=[_frame_row(piece) for piece in pieces], columns=RAW_COLUMNS, extra=extra)
+    table.failure = failure_of_replies(hand, data, received, pieces, asks)
+    return table
+
+
+def failure_of_replies(
+    hand: RegisterDevice, data: bytes, received: bytes, pieces: Sequence[ExplainedBytes], asks: Collection[str]
+) -> HandctlError | None:
+    """What speaks against the bytes that came behind a typed request in EB90: none replies to it, or one refuses it."""
+    bus = hand.bus
     replies = [piece for piece in pieces if piece.raw.startswith(eb90.DEVICE)]
     if not any(piece.answers in asks or piece.raw[2:3] == data[2:3] for piece in replies):
         code, text = bad_reply(data, received)
         text = f"{bus.where}: {text}: {hex_shown(received)}"
-        table.failure = ProtocolError(text, hint=hint_for(code, bus.family), code=code)
-    elif refused := [p for p in replies if p.problem == "refused" and (p.answers in asks or not p.answers)]:
-        text = "the save failed: result FF (00 = saved, FF = failed)"
-        if refused[0].answers:
-            text = f"the device replied {hex_bytes(refused[0].raw[7:-1])} instead of 01"
-        hint = Hint("check with {} before you send it again", f"{hand.kind} status")
-        table.failure = DeviceRefused(f"{bus.where}: {text}", hint=hint)
-    return table
+        return ProtocolError(text, hint=hint_for(code, bus.family), code=code)
+    refused = [one for one in replies if one.problem == "refused" and (one.answers in asks or not one.answers)]
+    if not refused:
+        return None
+    text = "the save failed: result FF (00 = saved, FF = failed)"
+    if refused[0].answers:
+        text = f"the device replied {hex_bytes(refused[0].raw[7:-1])} instead of 01"
+    hint = Hint("check with {} before you send it again", f"{hand.kind} status")
+    return DeviceRefused(f"{bus.where}: {text}", hint=hint)
 
 
 RAW_COLUMNS = (

@@ -520,7 +520,11 @@ class RegisterDevice(Device):
                 told = self._commanded(this)
                 arrivals = [by_whom(one, told.get(one.goal.name)) if one.verdict == ASTRAY else one for one in arrivals]
         at = {one.goal.name: one for one in arrivals}
-        rows = [marked(self.row(reading), at.get(this.name(reading))) for reading in last]
+        rows = [
+            marked(self.row(reading), at.get(this.name(reading)))
+            for reading in last
+            if reading.value != 0 or not reading.element.param.alarms
+        ]
         failure = failure_of_arrivals(
             self.bus.where,
             arrivals,

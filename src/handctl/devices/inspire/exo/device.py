@@ -100,6 +100,7 @@ class ExoHand(RegisterDevice):
     product = "EH55BF1"
     map = EXO
     live = LIVE
+    vital = ("error", "temperature")
     view = staticmethod(registers_view)
     worn = True
     setpoint_pairs = (SetpointPair("position_set", "position_actual", NEAR, closing=-1),)

@@ -24,6 +24,7 @@ from handctl.devices.inspire.hand.register_map import (
     MAPS,
     MODELS,
     NO_MOVE_STATUS,
+    NO_TEMPERATURE,
     OF_BYTES,
     THUMB_DEFAULT,
     TP,
@@ -75,6 +76,7 @@ class Hand(RegisterDevice):
 
     kind = "hand"
     live = LIVE
+    vital = ("error", "status", "temperature")
     releases = RELEASES
     supply = "24 V, 2 A peak (RH56DFTP: 4.5 A)"
     speed_source = "rh56 §2.1"
@@ -410,8 +412,9 @@ def cell(row: Row) -> str | Cell:
     """One value for people; what could not be read is a bad "?"."""
     if "error" in row and "value" not in row:
         return Cell("?", "bad")
-    value = row.get("value")
-    return Cell("-", "dim") if value == -1 and row["name"].endswith("_set") else str(value)
+    value, name = row.get("value"), row["name"]
+    nothing = NO_TEMPERATURE if name == "temperature" else -1 if name.endswith("_set") else None
+    return str(value) if value != nothing else Cell("-", "dim")
 
 
 def registers_view(rows: list[Row]) -> list[Grid]:

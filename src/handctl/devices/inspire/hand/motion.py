@@ -10,7 +10,13 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
-from handctl.devices.inspire.hand.register_map import BYTE_MAP, NO_MOVE_STATUS, too_hot
+from handctl.devices.inspire.hand.register_map import (
+    BYTE_MAP,
+    NO_COMMAND,
+    NO_MOVE_STATUS,
+    RESTARTED,
+    too_hot,
+)
 from handctl.devices.inspire.register_device import BEGINS, Movement, drawn_by_parts
 from handctl.devices.inspire.register_map import ALONE, DRAWN
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
@@ -141,22 +147,28 @@ def move(
     hand.identify()
     targets = {element.part or "": value for element, value in changes if value != ALONE}
     gripping = {part for part in targets if (before or {}).get(f"status.{part}") == FORCE_REACHED}
+    obeyed: set[str] = set()
+    watched = (MOVED[group], "error", "status")
 
     def seen(readings: Sequence[Reading]) -> dict[str, AxisReading]:
         at = {reading.element.full_name: reading for reading in readings}
         # the code of the movement before says nothing of this one
         gripping.difference_update([part for part in gripping if at[f"status.{part}"].value != FORCE_REACHED])
-        return {
-            part: _seen(at[f"{MOVED[group]}.{part}"], at[f"status.{part}"], fresh=part not in gripping)
-            for part in targets
-        }
+        obeyed.update(part for part in targets if at[f"status.{part}"].value not in (None, NO_COMMAND))
+        found = {}
+        for part in targets:
+            place, error, status = (at[f"{name}.{part}"] for name in watched)
+            restarted = status.value == NO_COMMAND and part in obeyed
+            fault = RESTARTED if restarted else error.element.param.label(error.value) if error.value else ""
+            found[part] = _seen(place, status, fault or "", fresh=part not in gripping)
+        return found
 
     this = Movement(
         [_goal(group, part, target, before) for part, target in targets.items()],
         STILL,
-        [e for name in (MOVED[group], "status") for e in hand.map[name].each if e.part in targets],
+        [e for name in watched for e in hand.map[name].each if e.part in targets],
         seen,
-        lambda watched, last: _evidence(hand, watched, last),
+        lambda ended, last: _evidence(hand, ended, last),
         pause=STILL.refresh,
         currents=[element for element in hand.map["current"].each if element.part in targets],
         targets=[element for element, value in changes if value != ALONE],
@@ -169,10 +181,10 @@ def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
     return Goal(part, target, NEAR[group], speed, SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0)
 
 
-def _seen(place: Reading, status: Reading, *, fresh: bool) -> AxisReading:
-    """A finger by its place and its status code; `fresh`: the code has changed since the command."""
+def _seen(place: Reading, status: Reading, fault: str, *, fresh: bool) -> AxisReading:
+    """A finger by its place, its status code and what else is a `fault` since the command; `fresh`: so is the code."""
     code = None if status.value is None else int(status.value)
-    blocked = status.element.param.label(code) or "" if code in NO_MOVE_STATUS else ""
+    blocked = status.element.param.label(code) or "" if code in NO_MOVE_STATUS else fault
     contact = status.element.param.label(code) or "" if code == FORCE_REACHED and fresh else ""
     return AxisReading(place.value, None if code is None else code in MOVING, blocked, contact)
 

@@ -17,6 +17,7 @@ from handctl.link import ByteLink, CanFrame
 from handctl.model.explainer import DEVICE, HOST
 from handctl.model.param import Step
 from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.write_ledger import ACKNOWLEDGED
 
 if TYPE_CHECKING:
     from handctl.command.run import Run
@@ -144,8 +145,11 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
             break
     if not received:
         raise bus.unanswered(hex_bytes(data), wait, since, "listen longer with --wait S")
+    echo = bus.journal.line.echo
+    if mode_of(data) == RTU and echo is not None and received[len(data) * echo :].startswith(data):
+        bus.journal.ledger.confirm(ACKNOWLEDGED)  # the reply to function 06 looks as its request does
     explainer: InspireExplainer = InspireExplainer(hand.map if hand.typed is not None else BYTE_MAP)
-    explainer.feed(HOST, data)
+    asks = {piece.asks for piece in explainer.feed(HOST, data)} - {""}
     pieces = [*explainer.feed(DEVICE, received), *explainer.flush()]
     rows: list[Row] = [
         {"direction": "device", "meaning": piece.meaning, "problem": piece.problem or None, "raw": hex_bytes(piece.raw)}
@@ -153,4 +157,7 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
         if piece.direction == DEVICE
     ]
     bus.journal.counters.received += len(rows)
-    return Table(rows=rows, columns=COLUMNS, extra={"received": hex_bytes(received)})
+    table = Table(rows=rows, columns=COLUMNS, extra={"received": hex_bytes(received)})
+    if not mode_of(data):
+        table.failure = by_number.failure_of_replies(hand, data, received, pieces, asks)
+    return table

@@ -43,6 +43,10 @@ STATUS = {
     7: "fault", 8: "emergency stop", 255: "no command yet",
 }  # fmt: skip
 """rh56 §3.1; 8 on F1 only (§3.2), 255 before the first command."""
+NO_COMMAND = 255
+"""The status code before the first command."""
+RESTARTED = "it has restarted"
+"""What is said of a finger that has this code behind another one."""
 NO_MOVE_STATUS = frozenset({5, 6, 7, 8})
 """Status codes with which a hand is not moved (rh56 §9)."""
 TOO_HOT_TO_MOVE = 70

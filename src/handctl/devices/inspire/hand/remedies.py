@@ -1,6 +1,6 @@
 """What an RH56's error bits, status codes and readings mean, and what to do (rh56 §3.1, §9)."""
 
-from handctl.devices.inspire.hand.register_map import FINGERS, STATUS, TOO_HOT_TO_MOVE
+from handctl.devices.inspire.hand.register_map import FINGERS, RESTARTED, STATUS, TOO_HOT_TO_MOVE
 from handctl.errors import Hint
 from handctl.model.device_picture import UNKNOWN, Measure, Outline, Remedy, hand
 
@@ -20,6 +20,7 @@ REMEDIES = {
     "motor": Remedy("the motor does not run as it should", _AGAIN, "rh56 §3.1"),
     STATUS[7]: Remedy("the actuator has a fault", _AGAIN, "rh56 §3.1"),
     "communication": Remedy("the hand and its actuator do not communicate", _AGAIN, "rh56 §3.1"),
+    RESTARTED: Remedy("the hand has forgotten its targets and speeds", "check its supply (24 V) and the plug, then read its status before you move it again", "rh56 §6"),
     UNKNOWN: Remedy("the manual does not have this bit", "run `handctl hand report FILE`, and send it to the vendor", "rh56 §3.1"),
     "range": Remedy("a reading is outside the documented range", Hint("run {}, and check --model", "hand doctor"), "rh56 §3.1"),
 }  # fmt: skip

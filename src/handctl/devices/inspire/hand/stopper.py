@@ -85,7 +85,7 @@ def _stop(context: StopContext, name: str) -> Generator[StopStep, Pieces, Stoppe
         return (yield from _lasting(wire, hand, done))
     if (shown := (yield from _word_map(wire))) is not None:
         return (yield from _stop_by(context, wire, shown))
-    text = "a device acknowledged speed 0, but it does not look like an RH56 hand with byte addresses"
+    text = "a device acknowledged speed 0, but did not show that it is an RH56 hand with byte addresses"
     return Stopped(text, LABEL, ProtocolError)
 
 
@@ -98,27 +98,42 @@ def _stop_by(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator
 def _speed_0(context: StopContext, wire: Wire, hand: ParamMap[Any]) -> Generator[StopStep, Pieces, Stopped]:
     """Speed 0 where this map has it; what shows that the hand has it, or an error.
 
-    A hand that replies with an exception that leaves it open is believed when its speeds read 0.
+    On CAN it takes several frames: each goes out before the first is repeated for longer, whatever became of the others.
     """
-    register, done = hand["speed_set"], Stopped("the hand acknowledged speed 0 for every finger")
+    register, failed = hand["speed_set"], list[Stopped]()
     zeros = b"".join(register.encode(0) for _ in range(register.count))
     size = can_frames.MAX_COUNT if wire.name == CAN else len(zeros)
-    for start in range(0, len(zeros), size):
-        place, data = (register.address + start) // register.per, zeros[start : start + size]
-        step, verdict = wire.writing(place, data, "set the speed of every finger to 0")
-        heard = yield from repeat_until_answered(context, step, verdict, final=TAKEN.__eq__, ahead=wire.first)
-        said = yield from after_late_replies(context, heard)
-        if said is None:
-            return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
-        if said in modbus_frames.UNSURE:
-            speeds = yield from _values(wire._replace(context=context._replace(within=REPEAT_FOR)), register)
-            if speeds is not None and not any(speeds):
-                text = f"every finger has speed 0 now, although the hand replied with exception {said:02X}"
-                done = Stopped(text, evidence="read back")
-                continue
-        if said != TAKEN:
-            return BY_GATEWAY.get(said, REFUSED_IT)
-    return done
+    left = list(range(0, len(zeros), size))
+    for turn in (context._replace(within=BRIEF), context) if len(left) > 1 else (context,):
+        starts, left, failed = left, [], []
+        for start in starts:
+            place = (register.address + start) // register.per
+            done = yield from _zeros(turn, wire, register, place, zeros[start : start + size])
+            if done.error is not None:
+                left.append(start)
+                failed.append(done)
+        if not left:
+            return done
+    return failed[0]
+
+
+def _zeros(
+    context: StopContext, wire: Wire, register: HandRegister, place: int, data: bytes
+) -> Generator[StopStep, Pieces, Stopped]:
+    """One frame of it. A hand that replies with an exception that leaves it open is believed when its speeds read 0."""
+    step, verdict = wire.writing(place, data, "set the speed of every finger to 0")
+    heard = yield from repeat_until_answered(context, step, verdict, final=TAKEN.__eq__, ahead=wire.first)
+    said = yield from after_late_replies(context, heard)
+    if said is None:
+        return Stopped("speed 0 was sent but not acknowledged", POWER, ProtocolError if heard.came else NoAnswer)
+    if said in modbus_frames.UNSURE:
+        speeds = yield from _values(wire._replace(context=context._replace(within=REPEAT_FOR)), register)
+        if speeds is not None and not any(speeds):
+            text = f"every finger has speed 0 now, although the hand replied with exception {said:02X}"
+            return Stopped(text, evidence="read back")
+    if said != TAKEN:
+        return BY_GATEWAY.get(said, REFUSED_IT)
+    return Stopped("the hand acknowledged speed 0 for every finger")
 
 
 def _lasting(wire: Wire, hand: ParamMap[Any], done: Stopped) -> Generator[StopStep, Pieces, Stopped]:

@@ -45,6 +45,7 @@ class Wrist(RegisterDevice):
         "temperature_1",
         "temperature_2",
     )
+    vital = live[4:]
     not_covered = (
         "id, speed and everything else in the hand's own register space (undocumented for the wrist)",
         "whether set angles and time survive power-off (not documented)",
