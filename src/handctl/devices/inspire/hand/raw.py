@@ -11,6 +11,7 @@ from handctl.devices.inspire import can_frames, eb90, modbus_frames
 from handctl.devices.inspire import raw as by_number
 from handctl.devices.inspire.explain_bytes import InspireExplainer
 from handctl.devices.inspire.hand.register_map import BYTE_MAP, OF_BYTES, is_never_written
+from handctl.devices.inspire.modbus_bus import TCP_HINTS
 from handctl.devices.inspire.modbus_frames import RTU, TCP, mode_of, only_reads, pdu_of
 from handctl.errors import UsageError
 from handctl.link import ByteLink, CanFrame
@@ -159,5 +160,7 @@ def exchange(hand: Hand, data: bytes, wait: float) -> Table:
     bus.journal.counters.received += len(rows)
     table = Table(rows=rows, columns=COLUMNS, extra={"received": hex_bytes(received)})
     if not mode_of(data):
-        table.failure = by_number.failure_of_replies(hand, data, received, pieces, asks)
+        table.failure = failure = by_number.failure_of_replies(hand, data, received, pieces, asks)
+        if failure is not None and bus.wire == "tcp":
+            failure.hint = TCP_HINTS.get(failure.code, failure.hint)
     return table
