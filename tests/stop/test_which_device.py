@@ -349,6 +349,17 @@ def test_what_was_driven_through_an_adapter_is_stopped_through_it(
         assert (result.code, set(opened), going()) == (0, {can}, []), result
 
 
+@each_row("family", ["exo", "barrett"])
+def test_what_was_met_at_an_adapter_does_not_keep_the_stop_from_its_bus(family: str, bench: Bench) -> None:
+    """Behind that port was something else before: a family that has no CAN interface."""
+    bench.there = f"{family}?"
+    assert run(family, "status", "-p", PORT).code == 0
+    bench.there = "wrist?bus=can&"
+    result = run("stop", "-p", f"can:slcan:{PORT}", "--json")
+    assert (result.code, result.json["device"]["kind"]) == (0, "wrist"), result
+    assert any(not row["reads"] for row in result.rows), result
+
+
 # -- who holds the line ------------------------------------------------------------------------------------------------
 
 
