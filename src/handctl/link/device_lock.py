@@ -15,6 +15,7 @@ from contextlib import suppress
 from typing import Any, NamedTuple
 
 from handctl.errors import HandctlError, LinkError
+from handctl.families import FAMILIES
 from handctl.link.link_interface import OF_A_HOST, host_in, path_in, scheme_of
 from handctl.system import clock, disk, file_locks, processes, serial_ports
 from handctl.system.user_folders import HINT, own, own_folder, private_folders
@@ -465,6 +466,12 @@ def _way_out(link: str, holder: Holder | None, family: str) -> str:
     stops = f"`handctl {f'{kind} ' if kind else ''}stop {where}` stops the device and ends that command"
     if holder is None:
         return f"wait for it, or: {stops}"
+    if (
+        holder.family in FAMILIES
+        and (unbroken := FAMILIES[holder.family].unbroken)
+        and holder.command.endswith(unbroken)
+    ):
+        return "wait until it has ended, and do not interrupt it"
     if holder.use != "reads":
         return f"wait for it, or: {stops}; kill {holder.pid} ends it as its Ctrl-C does"
     return f"wait for it, or: {stops}; it only reads: kill {holder.pid} ends it and stops nothing on the device"

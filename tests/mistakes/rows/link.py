@@ -304,4 +304,13 @@ ROWS = (
         "pass",
         "tests/sim/test_kept.py::test_a_damaged_or_foreign_file_begins_afresh_and_says_so",
     ),
+    mistake(
+        "who-runs-a-download-is-to-be-ended",
+        "wrong next step: ended, it leaves half a firmware",
+        "handctl.link.device_lock",
+        "_way_out",
+        'return "wait until it has ended, and do not interrupt it"',
+        "pass",
+        "tests/link/test_lock.py::test_who_holds_it_is_named_when_it_is_known",
+    ),
 )
