@@ -313,4 +313,13 @@ ROWS = (
         "pass",
         "tests/link/test_lock.py::test_who_holds_it_is_named_when_it_is_known",
     ),
+    mistake(
+        "slcan-waits-for-a-pause",
+        "a wait without end: on a bus that is always busy, a stop too",
+        "handctl.link.slcan",
+        "SlcanBus._line",
+        "while clock.now() - end < LATE_SECONDS:",
+        "while clock.now() - end < 9.0:",
+        "tests/link/test_slcan.py::test_what_never_pauses_holds_up_no_end",
+    ),
 )
