@@ -415,6 +415,19 @@ def test_a_holder_that_has_another_device_does_not_have_the_one_that_is_meant(
     assert (result.code, stopped_ids(result), heard) == (0, ids, [said]), result
 
 
+@each_row("error, state", [("NoAnswer", "sent"), ("", "confirmed")])
+def test_what_a_holder_has_sent_on_can_is_confirmed_by_its_word_alone(
+    error: str, state: str, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An acknowledgement there may have no data, and silence has none."""
+    bench.there = "wrist?bus=can&"
+    step = {"data": "6504a7fe", "can_id": 0x15038001, "meaning": "stay there", "times": 7, "came": ""}
+    row = {"step": 1, "bytes": "15038001 [4] 65 04 A7 FE", "meaning": "", "reads": False, "times": 7, "answer": None}
+    held(monkeypatch, "wrist", ("wrist", 1), wire=[step], rows=[row], text="not acknowledged", error=error)
+    result = run("wrist", "stop", "-p", f"can:slcan:{PORT}", "--json")
+    assert [one["state"] for one in result.json["writes"]] == [state], result
+
+
 def test_a_named_device_is_not_the_other_one_on_its_line(
     bench: Bench, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

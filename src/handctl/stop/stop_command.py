@@ -523,7 +523,8 @@ def _take_over(run: Run, told: dict[str, Any]) -> None:
         with run.ledger.stopping():
             for _ in range(one["times"]):
                 run.ledger.passed(0.0, ">", step.data, step.can_id)
-        run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
+        if one["came"] or not told["error"]:  # on CAN an acknowledgement may have no data
+            run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
         if told["evidence"]:
             run.ledger.confirm(told["evidence"], step)
 

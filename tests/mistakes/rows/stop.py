@@ -1409,4 +1409,13 @@ ROWS = (
         "raise",
         WHICH + "test_what_was_met_at_an_adapter_does_not_keep_the_stop_from_its_bus",
     ),
+    mistake(
+        "stop-of-a-holder-on-can-that-was-silent-is-confirmed",
+        "evidence believed",
+        "handctl.stop.stop_command",
+        "_take_over",
+        'if one["came"] or not told["error"]:  # on CAN an acknowledgement may have no data',
+        "if True:",
+        WHICH + "test_what_a_holder_has_sent_on_can_is_confirmed_by_its_word_alone",
+    ),
 )
