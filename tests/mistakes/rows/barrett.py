@@ -976,4 +976,13 @@ ROWS = (
         "return known.get(name)",
         "tests/barrett/test_cut_download.py::test_another_name_of_the_port_shows_it_as_well",
     ),
+    mistake(
+        "barrett-q-hides-what-the-first-ctrl-c-does",
+        "whoever sees nothing presses it again, and the hand has half a firmware",
+        "handctl.command.terminal_prompts",
+        "TerminalPrompts.instruct",
+        "print_stderr(text)",
+        "pass",
+        "tests/kernel/test_console.py::test_an_instruction_is_said_with_q_too",
+    ),
 )
