@@ -97,6 +97,7 @@ def read_text(path: str | os.PathLike[str], what: str, most: int, *, hint: str =
     try:
         return read(path, what, most, hint=hint, code=code).decode("utf-8-sig")
     except UnicodeDecodeError as exc:
+        hint = "save it as UTF-8" if hint == CHECK_NAME else hint
         raise UsageError(f"{path}: not a text in UTF-8: not {what}", hint=hint, code=code) from exc
 
 

@@ -38,6 +38,7 @@ class Operator(Prompts):
         self.link = link
         self.answers = answers
         self.said: list[str] = []
+        self.instructed: list[str] = []
         self.shown: list[str] = []
         self.asked: list[str] = []
         self.press_at: dict[int, int] = {}  # number of the progress -> presses so far
@@ -48,6 +49,10 @@ class Operator(Prompts):
         self.said.append(text)
         if self.link is not None and self.ready and "ON" in text:
             self.link.control("power on")
+
+    def instruct(self, text: str) -> None:
+        self.instructed.append(text)
+        self.say(text)
 
     def progress(self, text: str, safety: str = "") -> None:
         self.shown.append(text)

@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 
 from handctl.devices.barrett import state_files
+from handctl.link import ByteLink
 from handctl.link.fake import FakeLink
 from tests.barrett.srecords import END, HEADER, record
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
 
 LINES = [HEADER, *(record(0x2000 + place, bytes(32)) for place in range(0, 320, 32)), END]
+
+
+def port_named(name: str) -> ByteLink:
+    return cast(ByteLink, SimpleNamespace(name=name, fake=False, replayed=False))
 
 
 class Killed(BaseException):
@@ -95,3 +101,18 @@ def test_a_download_that_was_not_begun_leaves_no_note(bench: Bench) -> None:
         bench.do("firmware", "download", str(bench.folder / "fw.s19"), "--yes")
     bench.dies_behind = 10**9
     assert bench.do("status").code == 0
+
+
+def test_another_name_of_the_port_shows_it_as_well(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That below /dev/serial/by-id, and /dev/ttyUSB0: the stop is held back once in all, and a whole download ends it for both."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    name = tmp_path / "by-id"
+    name.symlink_to("/dev/null")
+    names = (str(name), "/dev/null")
+    for first, other in (names, names[::-1]):
+        state_files.note_download(port_named(first))
+        assert all(state_files.is_half_loaded(port_named(one)) for one in names)
+        assert state_files.holds_back(other) and not state_files.holds_back(first)
+        assert not state_files.is_half_loaded(port_named("/dev/zero")) and not state_files.holds_back("/dev/zero")
+        state_files.forget_download(port_named(other))
+        assert not any(state_files.is_half_loaded(port_named(one)) for one in names)

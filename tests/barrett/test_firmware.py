@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from handctl.devices.barrett.firmware.download import Loader, version_in
+from handctl.devices.barrett.firmware.download import ON, Loader, version_in
 from handctl.devices.barrett.firmware.srecords import Firmware, parse
 from handctl.errors import NoAnswer
 from handctl.link import Deadline
@@ -322,7 +322,15 @@ def test_the_first_ctrl_c_asks_and_goes_on() -> None:
     prompts.press_at = {6: 1}
     run = Run("wire=auto", prompts=prompts)
     assert run.error is None and sha(DATA) in run.image
-    assert len([text for text in prompts.said if "Press Ctrl-C again" in text]) == 1
+    assert len([text for text in prompts.instructed if "Press Ctrl-C again" in text]) == 1, "with -q, too"
+
+
+def test_what_a_person_does_next_is_said_with_q_too() -> None:
+    """Else the supply stays off, and whoever sees nothing of a Ctrl-C presses it again."""
+    link = Operated("")
+    prompts = Operator(link)
+    assert Run(link=link, prompts=prompts).error is None
+    assert prompts.instructed == [ON]
 
 
 def test_the_second_ctrl_c_stops_and_says_where() -> None:

@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from handctl.devices.inspire.can_bus import CanBus
-from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
+from handctl.devices.inspire.wrist.explain_bytes import words
+from handctl.errors import HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.result import Journal
 from tests.inspire.wrist_support import Arrival, BabblingFrames, ScriptedFrames, can, frames
@@ -182,14 +183,23 @@ def test_write_is_one_frame_with_either_acknowledgement(ack: str) -> None:
     assert (bus.journal.counters.sent, bus.journal.counters.received) == (1, 1)
 
 
-@each_row("count", ["00", "02", "03", "05", "FF"])
-def test_another_count_is_a_refusal(count: str) -> None:
+@each_row("count, code", [("00", 6), ("02", 5), ("03", 5), ("05", 5), ("FF", 5)])
+def test_another_count_is_an_error(count: str, code: int) -> None:
+    """And none is a refusal."""
     link = ScriptedFrames(frames((SET, [f"15038001 [1] {count}"])))
-    with pytest.raises(DeviceRefused) as caught:
+    with pytest.raises(HandctlError) as caught:
         bus_on(link).write(1038, ANGLES)
-    assert caught.value.exit_code == 6
+    assert caught.value.exit_code == code
     assert f"{int(count, 16)} of 4" in caught.value.text
     assert link.texts == [SET]
+
+
+@each_row("came, accepted", [("", [True]), ("04", [True]), ("00", [False]), ("02", [])])
+def test_what_an_acknowledgement_says_of_a_write(came: str, accepted: list[bool]) -> None:
+    """That a part was taken is neither: what the rest does shows when it is read back."""
+    rules = words()
+    rules.sent(ANGLES, 0x15038001)
+    assert [verdict for _, verdict in rules.came(unhex(came), 0x15038001)] == accepted
 
 
 def test_a_write_is_never_repeated() -> None:

@@ -9,6 +9,8 @@ import pytest
 
 from handctl.devices.inspire.wrist.register_map import WRIST
 from handctl.errors import CheckFailed, HandctlError, Interrupted, NoAnswer, UsageError
+from handctl.link import CanFrame, Deadline
+from handctl.link.fake import FakeFrames
 from handctl.model.param import Element
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
@@ -405,3 +407,29 @@ def test_a_movement_time_that_is_none_is_not_moved_with(time: str, code: int) ->
     assert result.code == code and (code == 0 or result.error["code"] == "no-time"), result
     assert code == 0 or {row["state"] for row in result.json["writes"]} == {"not-sent"}, result
     assert named.json["ok"] or named.error["code"] != "no-time", named
+
+
+def test_a_movement_of_which_a_part_was_taken_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The wrist has taken the yaw alone, and says so: two bytes. It turns, which is no refusal."""
+    send, receive, whole = FakeFrames.send, FakeFrames.receive, list[CanFrame]()
+
+    def first_is_cut(link: FakeFrames, frame: CanFrame, deadline: Deadline) -> None:
+        if frame.can_id == 0x15038001 and not whole:
+            whole.append(frame)
+            frame = frame._replace(data=frame.data[:2])
+        send(link, frame, deadline)
+
+    def told(link: FakeFrames, deadline: Deadline) -> CanFrame | None:
+        frame = receive(link, deadline)
+        if frame is not None and len(whole) == 1 and frame.can_id == 0x15038001:
+            whole.append(frame)
+            frame = frame._replace(data=b"\x02")
+        return frame
+
+    monkeypatch.setattr(FakeFrames, "send", first_is_cut)
+    monkeypatch.setattr(FakeFrames, "receive", told)
+    port = "fake://wrist?bus=can&clock=virtual"
+    result = run("wrist", "move", "--pitch", "20", "--yaw", "-20", "--time", "4000", "-p", port, "--json")
+    first, then = result.json["writes"]
+    assert (result.code, first["state"], then["state"]) == (7, "sent", "confirmed"), result
+    assert then["bytes"].startswith("15038001 [4]") and len(whole) == 2

@@ -52,6 +52,13 @@ def test_a_word_must_be_typed_as_it_stands(monkeypatch: pytest.MonkeyPatch, type
     assert prompts(monkeypatch, typed).ask("Erase everything", "reset") is yes
 
 
+def test_an_instruction_is_said_with_q_too(capsys: pytest.CaptureFixture[str]) -> None:
+    quiet = TerminalPrompts(quiet=True)
+    quiet.say("one")
+    quiet.instruct("two")
+    assert capsys.readouterr().err == "two\n"
+
+
 @each_row(("stdin", "stderr"), [(True, True), (True, False), (False, True), (False, False)])
 def test_a_person_is_there_when_both_ends_are_a_terminal(
     monkeypatch: pytest.MonkeyPatch, stdin: bool, stderr: bool

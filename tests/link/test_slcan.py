@@ -176,6 +176,22 @@ def test_a_line_without_end_is_bounded(time_jumps: Clock) -> None:
     assert link.damaged >= 1
 
 
+@each_row("came", [b"T10FF00012A7FE\r", b"x"])
+def test_what_never_pauses_holds_up_no_end(time_jumps: Clock, monkeypatch: pytest.MonkeyPatch, came: bytes) -> None:
+    """A bus that is full of others, or a port that is no adapter: what waits for one line ends all the same."""
+    bus: Any = told()._bus
+
+    def filled(_end: float) -> bool:
+        time_jumps.sleep(0.001)
+        bus._buffer.extend(came)
+        return True
+
+    monkeypatch.setattr(bus, "_fill", filled)
+    for ask in (bus.flags, lambda: bus.recv(0.1) and None):
+        began = time_jumps.now()
+        assert ask() is None and time_jumps.now() - began < 1.0, ask
+
+
 @each_row(
     ("flags", "text"),
     [(0, "00: no error"), (0xA4, "A4: error warning, error passive, bus error"), (2, "02: transmit queue full")],

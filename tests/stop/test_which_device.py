@@ -349,6 +349,17 @@ def test_what_was_driven_through_an_adapter_is_stopped_through_it(
         assert (result.code, set(opened), going()) == (0, {can}, []), result
 
 
+@each_row("family", ["exo", "barrett"])
+def test_what_was_met_at_an_adapter_does_not_keep_the_stop_from_its_bus(family: str, bench: Bench) -> None:
+    """Behind that port was something else before: a family that has no CAN interface."""
+    bench.there = f"{family}?"
+    assert run(family, "status", "-p", PORT).code == 0
+    bench.there = "wrist?bus=can&"
+    result = run("stop", "-p", f"can:slcan:{PORT}", "--json")
+    assert (result.code, result.json["device"]["kind"]) == (0, "wrist"), result
+    assert any(not row["reads"] for row in result.rows), result
+
+
 # -- who holds the line ------------------------------------------------------------------------------------------------
 
 
@@ -402,6 +413,19 @@ def test_a_holder_that_has_another_device_does_not_have_the_one_that_is_meant(
     heard = held(monkeypatch, family, *devices)
     result = run(*words, "-p", PORT, "--json")
     assert (result.code, stopped_ids(result), heard) == (0, ids, [said]), result
+
+
+@each_row("error, state", [("NoAnswer", "sent"), ("", "confirmed")])
+def test_what_a_holder_has_sent_on_can_is_confirmed_by_its_word_alone(
+    error: str, state: str, bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An acknowledgement there may have no data, and silence has none."""
+    bench.there = "wrist?bus=can&"
+    step = {"data": "6504a7fe", "can_id": 0x15038001, "meaning": "stay there", "times": 7, "came": ""}
+    row = {"step": 1, "bytes": "15038001 [4] 65 04 A7 FE", "meaning": "", "reads": False, "times": 7, "answer": None}
+    held(monkeypatch, "wrist", ("wrist", 1), wire=[step], rows=[row], text="not acknowledged", error=error)
+    result = run("wrist", "stop", "-p", f"can:slcan:{PORT}", "--json")
+    assert [one["state"] for one in result.json["writes"]] == [state], result
 
 
 def test_a_named_device_is_not_the_other_one_on_its_line(

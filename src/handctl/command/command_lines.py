@@ -103,6 +103,10 @@ def sleep(run: Run, seconds: float) -> None:
 root.in_lines["sleep"] = sleep
 
 
+UNFINISHED = "close the quote. A backslash does not continue a command on the next line"
+"""The way out where `split_line` raises ValueError."""
+
+
 def split_line(typed: str) -> list[str]:
     """The words of a typed line, without its comment. Raises ValueError for an open quote, UsageError for a control character."""
     import shlex

@@ -38,8 +38,12 @@ class TerminalPrompts(Prompts):
     def say(self, text: str) -> None:
         """A line that stays."""
         if not self._quiet:
-            self._replace("")
-            print_stderr(text)
+            self.instruct(text)
+
+    def instruct(self, text: str) -> None:
+        """See Prompts."""
+        self._replace("")
+        print_stderr(text)
 
     def progress(self, text: str, safety: str = "") -> None:
         """A line that replaces the last one, never wider than the terminal; only on a terminal.

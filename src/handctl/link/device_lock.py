@@ -10,10 +10,12 @@ the device was stopped last. Knows no link's inside.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
 
 from handctl.errors import HandctlError, LinkError
+from handctl.families import FAMILIES
 from handctl.link.link_interface import OF_A_HOST, host_in, path_in, scheme_of
 from handctl.system import clock, disk, file_locks, processes, serial_ports
 from handctl.system.user_folders import HINT, own, own_folder, private_folders
@@ -218,7 +220,7 @@ class Lock:
     def stopped_since(self, began: float) -> bool:
         """Whether another process has stopped the device after the moment `began` of `clock.now`."""
         try:
-            descriptor = os.open(self._stops, os.O_RDONLY | disk.NO_LINK | disk.BINARY)
+            descriptor = os.open(self._stops, os.O_RDONLY | disk.NO_LINK | disk.AT_ONCE | disk.BINARY)
         except OSError:
             return False
         try:
@@ -298,7 +300,8 @@ def remembered(link: str, tcp_port: int | None = None) -> tuple[Reached | None, 
     name = _file_name(canonical(link, tcp_port))
     for folder in private_folders():
         try:
-            descriptor = os.open(os.path.join(folder, name), os.O_RDONLY | disk.NO_LINK | disk.BINARY)
+            path = os.path.join(folder, name)
+            descriptor = os.open(path, os.O_RDONLY | disk.NO_LINK | disk.AT_ONCE | disk.BINARY)
         except OSError:
             continue
         try:
@@ -312,8 +315,7 @@ def remembered(link: str, tcp_port: int | None = None) -> tuple[Reached | None, 
 def canonical(link: str, tcp_port: int | None = None) -> str:
     """The place that a LINK leads to, the same for all its names: ``tty 188:0``, ``tcp host:port``, or the LINK."""
     if link.startswith("can:"):
-        interface, _, channel = link.removeprefix("can:").partition("?")[0].partition(":")
-        port = channel.partition("@")[0]  # python-can takes what follows for the speed of the port
+        interface, channel, port = _of_can(link)
         return canonical(port) if interface == "slcan" or port.startswith("/") else f"can {interface}:{channel}"
     if path := path_in(link):
         return serial_ports.place(path)
@@ -336,6 +338,51 @@ def canonical(link: str, tcp_port: int | None = None) -> str:
                 host, port = text, str(tcp_port or "")
         return f"tcp {plain_host(host)}:{port.lstrip('0')}"
     return link.casefold()
+
+
+def _of_can(link: str) -> tuple[str, str, str]:
+    """The interface, the channel and its port of a CAN LINK."""
+    interface, _, channel = link.removeprefix("can:").partition("?")[0].partition(":")
+    return interface, channel, channel.partition("@")[0]  # python-can takes what follows for the speed of the port
+
+
+def held_elsewhere(link: str) -> Iterator[InUse]:
+    """The devices that other commands write to by the same name of a port, which leads to another port now: of two adapters without
+    a serial number, the name below /dev/serial/by-id is that of the one that was plugged in last."""
+    name = _port_named(link)
+    if not name:
+        return
+    here = _file_name(canonical(link))
+    for folder in private_folders():
+        try:
+            files = [file for file in os.listdir(folder) if file.startswith("lock-") and file != here]
+        except OSError:
+            continue
+        for path in (os.path.join(folder, file) for file in files):
+            holder = _holder_in(path)
+            if holder is not None and holder.use == "writes" and _port_named(holder.link) == name:
+                yield InUse(link, holder, path, holder.family)
+
+
+def _port_named(link: str) -> str:
+    """The port of a LINK as it was typed; "" where it names none."""
+    port = _of_can(link)[2] if link.startswith("can:") else link
+    return port if port.startswith("usb:") else path_in(port)
+
+
+def _holder_in(path: str) -> Holder | None:
+    """Who has written into this lock file: another process, and this user's."""
+    try:
+        descriptor = os.open(path, os.O_RDONLY | disk.NO_LINK | disk.AT_ONCE | disk.BINARY)
+    except OSError:
+        return None
+    try:
+        holder = _holder(descriptor) if own(os.fstat(descriptor)) else None
+    except OSError:
+        return None
+    finally:
+        os.close(descriptor)
+    return holder if holder is not None and holder.pid != os.getpid() else None
 
 
 def _file_name(place: str) -> str:
@@ -419,6 +466,12 @@ def _way_out(link: str, holder: Holder | None, family: str) -> str:
     stops = f"`handctl {f'{kind} ' if kind else ''}stop {where}` stops the device and ends that command"
     if holder is None:
         return f"wait for it, or: {stops}"
+    if (
+        holder.family in FAMILIES
+        and (unbroken := FAMILIES[holder.family].unbroken)
+        and holder.command.endswith(unbroken)
+    ):
+        return "wait until it has ended, and do not interrupt it"
     if holder.use != "reads":
         return f"wait for it, or: {stops}; kill {holder.pid} ends it as its Ctrl-C does"
     return f"wait for it, or: {stops}; it only reads: kill {holder.pid} ends it and stops nothing on the device"

@@ -35,6 +35,8 @@ WRITE_SECONDS = 1.0
 """For an adapter that takes no more bytes."""
 AGAIN_SECONDS = 0.005
 """Between two readings of the flags: at 10 kbit/s one frame takes longer, at those of hands it is tried many times."""
+LATE_SECONDS = 0.5
+"""What was waiting has been read by then: a bus, or another device, that never pauses holds up no end."""
 LONGEST = 4096
 BARE = [b"\r"] * 4
 """Answers to two empty lines, V and N by an adapter that acknowledges what it does not know. Some acknowledge no empty line."""
@@ -203,9 +205,9 @@ class SlcanBus(slcanBus):
     # -- lines --------------------------------------------------------------------------------------------------------
 
     def _line(self, seconds: float) -> bytes | None:
-        """The next line with the CR or BEL that ends it; None when there is none in time."""
+        """The next line with the CR or BEL that ends it; None when there is none in time, or that has passed LATE_SECONDS ago."""
         end = clock.now() + seconds
-        while True:
+        while clock.now() - end < LATE_SECONDS:
             if found := _END.search(self._buffer):
                 place = found.end()
                 line = bytes(self._buffer[:place])
@@ -216,6 +218,7 @@ class SlcanBus(slcanBus):
                 self._buffer.clear()
             if not self._fill(end):
                 return None
+        return None
 
     def _fill(self, end: float) -> bool:
         """Take what waits, or wait for it until `end`; False when nothing came."""

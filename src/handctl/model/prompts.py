@@ -46,6 +46,10 @@ class Prompts:
     def say(self, text: str) -> None:
         """A line that stays, e.g. what the wearer has to do now."""
 
+    def instruct(self, text: str) -> None:
+        """The same where the command waits for what a person does next, or where that may do harm: said with -q, too."""
+        self.say(text)
+
     def progress(self, text: str, safety: str = "") -> None:
         """A line that replaces the last progress line. Only a terminal shows it.
 

@@ -27,6 +27,7 @@ from handctl.link.device_lock import (
     Lock,
     Reached,
     canonical,
+    held_elsewhere,
     remembered,
 )
 from handctl.model.command_settings import Settings
@@ -127,10 +128,13 @@ def stop(
 
 def stop_with_others(run: Run) -> Table:
     """The stop of a device, and where nobody gave its id, of each other one of its family that handctl has set going here."""
+    elsewhere = stopped_elsewhere(run)
     reached: set[tuple[str, int]] = set()
     turns = Turns(lambda: _others_going(run))
     table = stop(run, reached=reached, turns=turns)
-    return each_stopped(run, _others_going(run), reached, table, turns) or table
+    table = each_stopped(run, _others_going(run), reached, table, turns) or table
+    table.failure = table.failure or elsewhere
+    return table
 
 
 def _others_going(run: Run) -> list[Reached]:
@@ -426,6 +430,41 @@ def _ask_holder(run: Run, name: str, bound: Deadline | None) -> tuple[Lock | Non
     return None, None, True
 
 
+def stopped_elsewhere(run: Run) -> HandctlError | None:
+    """Have each command stop its device that reached it by the name of this LINK, when that led to another port; what went wrong.
+
+    Whoever types the name means what that command is moving, or what is there now: both are stopped.
+    """
+    from handctl.stop.stop_listener import STOP_SECONDS, ask
+
+    link, failure = run.settings.port or "", None
+    for busy in () if run.settings.dry_run else held_elsewhere(link):
+        who = busy.holder
+        assert who is not None
+        led = f"{link} led to another port when {who} opened it"
+        told = None
+        if not processes.sleeps(who.pid):
+            seconds = min(run.settings.deadline or STOP_SECONDS, STOP_SECONDS)
+            _, told = ask(busy.path, clock.now() + HEARD_SECONDS, seconds)
+        if told is not None:
+            text = errors.joined(f"{led}. It was asked to stop its device", told["text"])
+            run.journal.warn("elsewhere", text, told["hint"])
+            if told["error"]:
+                failure = getattr(errors, told["error"], HandctlError)(
+                    told["text"], hint=told["hint"], code="elsewhere"
+                )
+        elif who.family in FAMILIES and (why := _held_back(who.family, who.link)):
+            run.journal.warn("elsewhere", errors.joined(led, why))
+        else:
+            _end(run, who)
+            failure = errors.NoAnswer(
+                f"{led}. It is not known whether its device is still moving",
+                hint="switch the power off if the device is still moving",
+                code="elsewhere",
+            )
+    return failure
+
+
 def _held_back(family: str, name: str) -> str:
     """Why a stop would do harm at this LINK, as far as this user has noted; "" where it may be sent."""
     holds_back = load(family, "cli").cli.family.holds_back
@@ -485,7 +524,8 @@ def _take_over(run: Run, told: dict[str, Any]) -> None:
         with run.ledger.stopping():
             for _ in range(one["times"]):
                 run.ledger.passed(0.0, ">", step.data, step.can_id)
-        run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
+        if one["came"] or not told["error"]:  # on CAN an acknowledgement may have no data
+            run.ledger.passed(0.0, "<", bytes.fromhex(one["came"]), step.can_id)
         if told["evidence"]:
             run.ledger.confirm(told["evidence"], step)
 

@@ -9,7 +9,14 @@ from collections.abc import Iterator, Sequence
 
 import click
 
-from handctl.command.command_lines import ScriptLine, options_for_lines, parse_line, split_line, with_line_number
+from handctl.command.command_lines import (
+    UNFINISHED,
+    ScriptLine,
+    options_for_lines,
+    parse_line,
+    split_line,
+    with_line_number,
+)
 from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.invocation import shown_steps, unsent
@@ -115,7 +122,7 @@ def _lines(text: str, context: click.Context) -> Iterator[ScriptLine]:
                     known[typed] = parse_line(words, given, number)
                 yield known[typed]
         except ValueError as exc:
-            raise UsageError(f"line {number}: {exc}: {typed}", hint="close the quote") from exc
+            raise UsageError(f"line {number}: {exc}: {typed}", hint=UNFINISHED) from exc
         except click.exceptions.Exit as exc:
             raise UsageError(f"line {number} asks for help: {typed}", hint="remove that line") from exc
         except HandctlError as exc:

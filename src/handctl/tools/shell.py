@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from handctl.command.command_lines import options_for_lines, parse_line, split_line
+from handctl.command.command_lines import UNFINISHED, options_for_lines, parse_line, split_line
 from handctl.command.command_tree import ALONE, Command, root
 from handctl.command.connection import Session
 from handctl.command.family import load, map_of
@@ -114,7 +114,7 @@ class Shell:
             print_message("error", exc.text, exc.hint)
             return True
         except ValueError as exc:
-            print_message("error", str(exc), "close the quote")
+            print_message("error", str(exc), UNFINISHED)
             return True
         if words[:1] == ["handctl"]:
             del words[0]

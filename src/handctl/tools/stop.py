@@ -24,7 +24,7 @@ from handctl.link import open_link
 from handctl.link.device_lock import OURS, Reached, canonical, hold, remembered
 from handctl.model.result import Journal, Row, Table
 from handctl.model.stop_sequence import TwoParts, stop_sequence_of
-from handctl.stop.stop_command import at_place, each_stopped, is_said, stopped_as, tell_gone, unheard
+from handctl.stop.stop_command import at_place, each_stopped, is_said, stopped_as, stopped_elsewhere, tell_gone, unheard
 from handctl.system.user_folders import config_path
 from handctl.tools.family_probe import family_of, has_speed, probe_of, set_speed, usual_ports, wire_of
 
@@ -45,7 +45,9 @@ def cli(run: Run) -> Table:
     If that fails, use `handctl FAMILY stop`. A handctl command that was using the device ends with exit code 130 if the stop
     was acknowledged. An EksoNR has no stop command and only gets a CancelAction, which may not stop it.
     """
+    elsewhere = stopped_elsewhere(run)
     table = _stopped(run)
+    table.failure = table.failure or elsewhere
     tell_gone(run)
     return table
 
@@ -67,7 +69,11 @@ def _stopped(run: Run) -> Table:
         else:
             kind = family_at(run)
             parts = _in_two_parts(run, kind) if kind else None
-            table = stopped_as(run, kind, reached, sequence=parts) if kind else None
+            try:
+                table = stopped_as(run, kind, reached, sequence=parts) if kind else None
+            except UsageError as exc:  # it was met by another name of this place, which is none of its LINKs
+                run.journal.warn("passed-over", exc.text)
+                kind, parts, table = "", None, None
         others = list(_used_by_others(run, unknown))
         if others and parts is not None and parts.paused:  # nothing else is looked for
             table = stopped_as(run, kind, reached, table, sequence=parts.rest)

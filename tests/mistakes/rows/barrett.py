@@ -976,4 +976,22 @@ ROWS = (
         'if state_files.is_half_loaded(self.link) and b"=>" not in self._hear(9.0):',
         "tests/barrett/test_cut_download.py::test_neither_a_banner_nor_a_prompt_ends_it",
     ),
+    mistake(
+        "barrett-half-an-image-has-one-name",
+        "sent unasked: what is asked by another name of the port goes into the image",
+        "handctl.devices.barrett.state_files",
+        "_download_at",
+        'return next((entry for other, entry in known.items() if other == name or entry.get("place") == place), None)',
+        "return known.get(name)",
+        "tests/barrett/test_cut_download.py::test_another_name_of_the_port_shows_it_as_well",
+    ),
+    mistake(
+        "barrett-q-hides-what-the-first-ctrl-c-does",
+        "whoever sees nothing presses it again, and the hand has half a firmware",
+        "handctl.command.terminal_prompts",
+        "TerminalPrompts.instruct",
+        "print_stderr(text)",
+        "pass",
+        "tests/kernel/test_console.py::test_an_instruction_is_said_with_q_too",
+    ),
 )

@@ -709,7 +709,16 @@ ROWS = (
         "CanBus.refusal",
         "if not reply or reply[0] == len(data):",
         "if not reply or reply[0]:",
-        "tests/inspire/test_can_bus.py::test_another_count_is_a_refusal",
+        "tests/inspire/test_can_bus.py::test_another_count_is_an_error",
+    ),
+    mistake(
+        "can-part-of-a-write-is-a-refusal",
+        "the axis that was written turns on, and nothing stops it",
+        "handctl.devices.inspire.can_bus",
+        "CanBus.refusal",
+        "return ProtocolError(text, hint=hint) if reply[0] else DeviceRefused(text, hint=hint)",
+        "return DeviceRefused(text, hint=hint)",
+        "tests/inspire/test_wrist_motion.py::test_a_movement_of_which_a_part_was_taken_is_stopped",
     ),
     mistake(
         "can-answer-of-another-id",

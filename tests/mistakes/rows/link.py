@@ -304,4 +304,22 @@ ROWS = (
         "pass",
         "tests/sim/test_kept.py::test_a_damaged_or_foreign_file_begins_afresh_and_says_so",
     ),
+    mistake(
+        "who-runs-a-download-is-to-be-ended",
+        "wrong next step: ended, it leaves half a firmware",
+        "handctl.link.device_lock",
+        "_way_out",
+        'return "wait until it has ended, and do not interrupt it"',
+        "pass",
+        "tests/link/test_lock.py::test_who_holds_it_is_named_when_it_is_known",
+    ),
+    mistake(
+        "slcan-waits-for-a-pause",
+        "a wait without end: on a bus that is always busy, a stop too",
+        "handctl.link.slcan",
+        "SlcanBus._line",
+        "while clock.now() - end < LATE_SECONDS:",
+        "while clock.now() - end < 9.0:",
+        "tests/link/test_slcan.py::test_what_never_pauses_holds_up_no_end",
+    ),
 )

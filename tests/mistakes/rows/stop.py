@@ -8,6 +8,7 @@ TALK = "handctl.model.stop_sequence"
 REQUESTS = "handctl.devices.inspire.stop_requests"
 WHOSE = "tests/stop/test_whose.py::"
 WHICH = "tests/stop/test_which_device.py::"
+ELSEWHERE = "tests/stop/test_elsewhere.py::"
 OTHER = "another device is stopped, and the one that is meant moves on"
 MATRIX = "tests/stop/test_matrix.py::test_it_stands_a_second_later"
 SEVERAL = "tests/stop/test_several_in_motion.py::test_"
@@ -1380,5 +1381,50 @@ ROWS = (
         "if not (released or zero):",
         "if False:",
         "tests/stop/test_stop_sequence.py::test_a_hand_that_acknowledges_no_forces_is_held_where_it_reads",
+    ),
+    mistake(
+        "stop-of-a-name-forgets-what-its-family-stop-left",
+        "false success: the name leads to another port now, and what a command moves by it moves on",
+        "handctl.stop.stop_command",
+        "stop_with_others",
+        "elsewhere = stopped_elsewhere(run)",
+        "elsewhere = None",
+        ELSEWHERE + "test_both_are_stopped",
+    ),
+    mistake(
+        "stop-of-a-name-forgets-what-handctl-stop-left",
+        "false success: the name leads to another port now, and what a command moves by it moves on",
+        "handctl.tools.stop",
+        "cli",
+        "elsewhere = stopped_elsewhere(run)",
+        "elsewhere = None",
+        ELSEWHERE + "test_both_are_stopped",
+    ),
+    mistake(
+        "stop-of-a-name-forgets-what-was-not-stopped",
+        "false success: the name leads to another port now, and what a command moves by it moves on",
+        "handctl.tools.stop",
+        "cli",
+        "table.failure = table.failure or elsewhere",
+        "pass",
+        ELSEWHERE + "test_a_command_that_does_not_hear_is_ended",
+    ),
+    mistake(
+        "stop-at-an-adapter-is-that-of-what-was-at-its-port",
+        "stop not sent",
+        "handctl.tools.stop",
+        "_stopped",
+        'kind, parts, table = "", None, None',
+        "raise",
+        WHICH + "test_what_was_met_at_an_adapter_does_not_keep_the_stop_from_its_bus",
+    ),
+    mistake(
+        "stop-of-a-holder-on-can-that-was-silent-is-confirmed",
+        "evidence believed",
+        "handctl.stop.stop_command",
+        "_take_over",
+        'if one["came"] or not told["error"]:  # on CAN an acknowledgement may have no data',
+        "if True:",
+        WHICH + "test_what_a_holder_has_sent_on_can_is_confirmed_by_its_word_alone",
     ),
 )

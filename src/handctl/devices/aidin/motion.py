@@ -479,7 +479,7 @@ def currents(
                 if not ramp_down:
                     raise
                 with prompts.count_interrupts() as presses:
-                    prompts.say("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
+                    prompts.instruct("Interrupted. The currents return to 0. Press Ctrl-C again to stop immediately.")
                     drive.to(drive.zero, "Currents return to 0,", presses)
                 raise
         if table.failure is None:

@@ -15,6 +15,7 @@ from handctl import files
 from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.errors import OutputError, UsageError
 from handctl.link import ByteLink
+from handctl.system import serial_ports
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -87,12 +88,12 @@ def forget_download(link: ByteLink) -> None:
 
 def is_half_loaded(link: ByteLink) -> bool:
     """Whether a download into the hand on this link was begun and never ended, as far as is known."""
-    return _lasts(link) and link.name in _downloads()
+    return _lasts(link) and _download_at(link.name) is not None
 
 
 def holds_back(name: str) -> str:
     """Why a stop of the hand at this LINK sends nothing, "" = it may. It is held back once: who asks again sees the hand move."""
-    entry = _downloads().get(name)
+    entry = _download_at(name)
     if entry is None or entry.get("told"):
         return ""
     _keep_download(name, {"told": True})
@@ -104,9 +105,17 @@ def downloads_path() -> Path:
     return files.state_path(DOWNLOADS)
 
 
-def _keep_download(name: str, entry: dict[str, bool] | None) -> None:
-    known = {other: found for other, found in _downloads().items() if other != name}
-    known |= {name: entry} if entry is not None else {}
+def _download_at(name: str) -> dict[str, Any] | None:
+    """What is noted of the place that this LINK leads to, by whichever of its names."""
+    known = _downloads()
+    place = serial_ports.place(name) if known else ""
+    return next((entry for other, entry in known.items() if other == name or entry.get("place") == place), None)
+
+
+def _keep_download(name: str, entry: dict[str, Any] | None) -> None:
+    place = serial_ports.place(name)
+    known = {other: found for other, found in _downloads().items() if other != name and found.get("place") != place}
+    known |= {name: {**entry, "place": place}} if entry is not None else {}
     with suppress(OutputError):
         store(downloads_path(), "downloads", dict(list(known.items())[-MOST:]), sort=False)
 

@@ -68,14 +68,14 @@ class CanBus(RegisterBus):
         """The data of the reply to this write, sent once. Raises NoAnswer, ProtocolError."""
         return self._exchange(CanFrame(*can_frames.write_request(self.id, address, data, self.write_flag)), None)
 
-    def refusal(self, address: int, data: bytes, reply: bytes) -> DeviceRefused | None:
-        """The error of an acknowledgement that has another number than that of the bytes written."""
+    def refusal(self, address: int, data: bytes, reply: bytes) -> HandctlError | None:
+        """The error of an acknowledgement that has another number than that of the bytes written. Of some bytes it is no refusal: a part
+        may have set an axis in motion."""
         if not reply or reply[0] == len(data):
             return None
-        return DeviceRefused(
-            f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}",
-            hint="read the value before you write again: the device took none or only part of it",
-        )
+        text = f"{self.where}: the device acknowledged {reply[0]} of {len(data)} bytes written at {address}"
+        hint = "read the value before you write again: the device took none or only part of it"
+        return ProtocolError(text, hint=hint) if reply[0] else DeviceRefused(text, hint=hint)
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:
         """The exact frame of that write."""

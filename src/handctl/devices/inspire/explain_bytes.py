@@ -739,7 +739,8 @@ class InspireExplainer(Cutter):
         if len(data) <= 1 and (data != asked or data == b"\x01") if access.writes else [len(data)] == list(asked):
             del self._asked[can_id]
             short = access.writes and data not in (b"", bytes([len(asked)]))
-            return self._can_piece(DEVICE, can_id, data, problem="refused" if short else "", key=key)
+            problem = ("cut-short" if any(data) else "refused") if short else ""
+            return self._can_piece(DEVICE, can_id, data, problem=problem, key=key)
         if data == asked:
             words = f"our own frame came back: {self._can_words(HOST, can_id, data)}"
             return self._can_piece(DEVICE, can_id, data, words, problem="echo")

@@ -148,8 +148,8 @@ class Loader:
             self._still_on = SELECT in self._listen(0.2)
             if not self._guide.interactive or not self._still_on:
                 break
-            self._guide.say("The hand still replies, so its power is on.")
-        self._guide.say(ON)
+            self._guide.instruct("The hand still replies, so its power is on.")
+        self._guide.instruct(ON)
         link.event("power cycle for the download")
 
     def _await_monitor(self) -> None:
@@ -180,7 +180,7 @@ class Loader:
                     break  # a text follows: the banner of the firmware that starts, no invitation
             heard, tail = (heard + chunk)[-256:], (tail + chunk)[-1:]
             if PROMPT in heard:
-                self._guide.say(MISSED)
+                self._guide.instruct(MISSED)
                 heard, missed = b"", True
         self._guide.done()
         came = f", received {heard[:48].hex(' ').upper()}" if heard else ""
@@ -290,7 +290,7 @@ class Loader:
     def _on_press(self, presses: InterruptCount, address: int) -> None:
         self._guide.done()
         if presses.count == 1:
-            self._guide.say(
+            self._guide.instruct(
                 "The download continues. Press Ctrl-C again to stop it, which leaves the hand without firmware."
             )
             return

@@ -196,7 +196,9 @@ class _Reader:
         for number, count in self.counts:
             if count != self.s1 & 0xFFFF:
                 self.note(
-                    "count", f"line {number}: S5 says {count} data records, the file has {self.s1}", "lines are missing"
+                    "count",
+                    f"line {number}: S5 says {count} data records, the file has {self.s1}",
+                    "lines are missing, or there twice",
                 )
         if not self.ended_at:
             self.note("end", "no end record (S9), so the file may be incomplete", "download the file again", FORCE)
