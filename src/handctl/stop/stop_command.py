@@ -435,10 +435,10 @@ def stopped_elsewhere(run: Run) -> HandctlError | None:
 
     Whoever types the name means what that command is moving, or what is there now: both are stopped.
     """
-    from handctl.stop.stop_listener import STOP_SECONDS, ask
-
     link, failure = run.settings.port or "", None
     for busy in () if run.settings.dry_run else held_elsewhere(link):
+        from handctl.stop.stop_listener import STOP_SECONDS, ask
+
         who = busy.holder
         assert who is not None
         led = f"{link} led to another port when {who} opened it"

@@ -15,7 +15,6 @@ from handctl import files
 from handctl.devices.barrett.parameter_map import SPEEDS
 from handctl.errors import OutputError, UsageError
 from handctl.link import ByteLink
-from handctl.system import serial_ports
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -108,11 +107,17 @@ def downloads_path() -> Path:
 def _download_at(name: str) -> dict[str, Any] | None:
     """What is noted of the place that this LINK leads to, by whichever of its names."""
     known = _downloads()
-    place = serial_ports.place(name) if known else ""
+    if not known:
+        return None
+    from handctl.system import serial_ports
+
+    place = serial_ports.place(name)
     return next((entry for other, entry in known.items() if other == name or entry.get("place") == place), None)
 
 
 def _keep_download(name: str, entry: dict[str, Any] | None) -> None:
+    from handctl.system import serial_ports
+
     place = serial_ports.place(name)
     known = {other: found for other, found in _downloads().items() if other != name and found.get("place") != place}
     known |= {name: {**entry, "place": place}} if entry is not None else {}
