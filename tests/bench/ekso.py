@@ -6,6 +6,7 @@ import importlib.util
 import json
 import statistics
 import tempfile
+import time
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -26,6 +27,7 @@ def run(*, quick: bool) -> Iterator[Figure]:
     count = 500 if quick else 2000
     with served("ekso", "--pty", "--wire", "115200") as link:
         ways: dict[str, Callable[[str, int], float]] = {
+            "pyserial": plain,
             "device loop": bare,
             "watch, 15 rows a sample": watch,
             "log, with feedback": log,
@@ -41,9 +43,25 @@ def run(*, quick: bool) -> Iterator[Figure]:
                 1000 / rate,
                 FLOOR_MS,
                 "ms",
-                LOG_GOAL if name.startswith("log") else GOAL,
+                None if name == "pyserial" else LOG_GOAL if name.startswith("log") else GOAL,
                 note,
             )
+
+
+def plain(link: str, count: int) -> float:
+    """Samples a second of pyserial alone: what the line, its emulation and a pty leave to any program that asks for nothing besides."""
+    import serial
+
+    from handctl.devices.ekso.frames import Command, encode
+
+    moments = []
+    with serial.Serial(link, 115200, timeout=1.0) as port:
+        for number in range(count):
+            port.write(encode(Command.GET_DATA, number))
+            if len(port.read(SAMPLE_BYTES - 6)) != SAMPLE_BYTES - 6:
+                raise SystemExit("pyserial: no answer")
+            moments.append(time.perf_counter())
+    return (count - 1) / (moments[-1] - moments[0])
 
 
 def bare(link: str, count: int) -> float:
