@@ -80,7 +80,8 @@ def test_a_stop_is_held_back_once(bench: Bench) -> None:
 
 def test_a_whole_download_ends_it(bench: Bench) -> None:
     bench.cut()
-    assert bench.do("firmware", "download", str(bench.folder / "fw.s19"), "--yes").code == 0
+    again = bench.do("firmware", "download", str(bench.folder / "fw.s19"), "--yes")
+    assert again.code == 0 and "not-running" in again.said and "silent-before" not in again.said  # nobody was asked
     assert bench.do("status").code == 0 and bench.do("stop").code == 0
 
 

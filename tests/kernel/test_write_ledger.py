@@ -57,6 +57,15 @@ def states(found: Ledger) -> list[tuple[str, str]]:
     return [(bytes.fromhex(row["bytes"]).decode(), row["state"]) for row in found.rows()]
 
 
+@each_row(
+    ("passed", "said"), [((">G1", ">G1"), ", 2 times: 47 31"), ((">G1", ">G2"), ", in 2 parts, the first: 47 31")]
+)
+def test_frames_of_one_group_are_no_repetition_of_the_first(passed: tuple[str, ...], said: str) -> None:
+    found = ledger()
+    pass_all(found, *passed)
+    assert found.text()[1].endswith(said), found.text()
+
+
 def test_a_plan_that_never_went_out_is_not_sent() -> None:
     found = ledger(b"W1", b"W2")
     pass_all(found, ">R1", "<A1")

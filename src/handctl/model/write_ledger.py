@@ -429,7 +429,8 @@ class Ledger:
 def _lines(row: dict[str, Any]) -> list[str]:
     words = row["bytes"].split(" ")
     cut = " ".join(words[:SHOWN_BYTES]) + (f" … ({len(words)} bytes)" if len(words) > SHOWN_BYTES else "")
-    times = f", {row['count']} times" if "count" in row else ""
+    same = row.get("last") == row["bytes"]
+    times = (f", {row['count']} times" if same else f", in {row['count']} parts, the first") if "count" in row else ""
     why = f" ({row['evidence']})" if row.get("evidence") and row["state"] != CONFIRMED else ""
     line = f"  {row['step']}  {IN_WORDS[row['state']]}{why}: {row['meaning'] or 'bytes'}{times}: {cut}"
     return [line, *([f"     Next: {row['next']}"] if row["next"] else [])]

@@ -25,6 +25,7 @@ from handctl.errors import (
     Interrupted,
     LinkError,
     NoAnswer,
+    NotRunning,
     ProtocolError,
 )
 from handctl.link import ByteLink
@@ -122,7 +123,11 @@ class Loader:
         except HandctlError as exc:
             if exc.exit_code == 3:
                 raise
-            self.hand.journal.info("silent-before", "no firmware replied before the download: the hand may have none")
+            if isinstance(exc, NotRunning):  # it was known without a question, or its boot monitor replied
+                self.hand.journal.info("not-running", exc.text)
+            else:
+                text = "no firmware replied before the download: the hand may have none"
+                self.hand.journal.info("silent-before", text)
             return ""
 
     def _power_on(self) -> None:
