@@ -9,7 +9,7 @@ from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer
 from handctl.model.command_settings import Settings
 from handctl.model.movement import stands_still
 from handctl.model.stop_check import Looks
-from handctl.model.stop_sequence import StopContext, Stopped, exchange_steps, stop_sequence_of
+from handctl.model.stop_sequence import AGAIN, StopContext, Stopped, exchange_steps, stop_sequence_of
 from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
 
@@ -179,6 +179,24 @@ def test_what_moves_slowly_behind_a_stop_is_seen(family: str) -> None:
             device = Axes(1020, 1038, [place, *at(300)])
         stopped = device.stop(family, own={"protocol": "eb90"})
         assert (stopped.error is DeviceRefused) == moves and (moves or stopped.error is None), (what, stopped)
+
+
+@each_row("family", ["hand", "exo", "wrist"])
+def test_a_device_that_goes_on_behind_its_acknowledgement_is_stopped_once_more(family: str) -> None:
+    """It stays an error: nobody knows why the first stop was not obeyed."""
+    count = {"hand": 6, "exo": 6, "wrist": 2}[family]
+    actual, targets = (1020, 1038) if family == "wrist" else (1546, 1486)
+    once = Axes(actual, targets, at(*[300] * count))
+    assert once.stop(family, own={"protocol": "eb90"}).error is None
+    obeys = len(once.writes)
+
+    def place(seconds: float) -> float:
+        return 300 if len(device.writes) > obeys else 300 + 200 * seconds
+
+    device = Axes(actual, targets, [place, *at(*[300] * (count - 1))])
+    stopped = device.stop(family, own={"protocol": "eb90"})
+    assert (stopped.error, len(device.writes)) == (DeviceRefused, 2 * obeys), stopped
+    assert AGAIN in stopped.text
 
 
 def test_the_rotation_of_the_thumb_is_its_wearers() -> None:

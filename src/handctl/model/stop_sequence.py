@@ -111,6 +111,7 @@ class Stopped(NamedTuple):
     evidence  what shows that the device did it, where that is more than the acknowledgement of each frame; "" = nothing
     stranger  a device of another family has replied, and was not stopped
     heard     the device has acknowledged the stop, but was not seen again
+    goes_on   it has acknowledged the stop, and was seen to move, or to be commanded, behind it
     """
 
     text: str
@@ -119,6 +120,7 @@ class Stopped(NamedTuple):
     evidence: str = ""
     stranger: bool = False
     heard: bool = False
+    goes_on: bool = False
 
 
 StopSequence = Generator[StopStep, Pieces, Stopped]
@@ -139,9 +141,10 @@ def silence(seconds: float = SILENCE) -> Generator[StopStep, Pieces, Pieces]:
 def did_not_last(stopped: Stopped, what: str) -> Stopped:
     """The result of a stop that was acknowledged but did not last."""
     text = f"{stopped.text}. {SILENCE:g} s later {what}: it does not obey, or another program is commanding it"
-    return Stopped(text, FIND_WHO, DeviceRefused)
+    return Stopped(text, FIND_WHO, DeviceRefused, goes_on=True)
 
 
+AGAIN = "The stop was sent once more, and now it stands still"
 FIND_WHO = (
     "end the other program. `handctl ports` shows the programs that use the ports of this computer. On a network or a bus, "
     "check the other computers too. If the device must not move, switch its power off"
@@ -166,8 +169,16 @@ def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
     """The stop of a device of family `kind`, or of those that are `going` on its line."""
     if context.going:
         return _one_by_one((kind, context.number), context)
-    sequence: StopSequence = importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps(context)
-    return sequence
+    return _once_more(importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps, context)
+
+
+def _once_more(steps: Callable[[StopContext], StopSequence], context: StopContext) -> StopSequence:
+    """The stop of a family, and the same once more where the device goes on. It stays an error: who knows what it does next."""
+    stopped = yield from steps(context)
+    if not stopped.goes_on:
+        return stopped
+    again = yield from steps(context)
+    return again if again.error is not None else stopped._replace(text=joined(stopped.text, f"{AGAIN}: {again.text}"))
 
 
 def _one_by_one(own: Addressee, context: StopContext) -> StopSequence:

@@ -232,6 +232,15 @@ ROWS = (
         f"{LOST_CAN}a_bus_that_takes_no_frame_is_no_lost_adapter",
     ),
     mistake(
+        "device-that-goes-on-is-left-alone",
+        "stop not sent",
+        "handctl.model.stop_sequence",
+        "_once_more",
+        "if not stopped.goes_on:",
+        "if True:",
+        "tests/stop/test_standstill.py::test_a_device_that_goes_on_behind_its_acknowledgement_is_stopped_once_more",
+    ),
+    mistake(
         "vendors-library-is-believed-to-have-sent-nothing",
         "ledger lies",
         CAN,
