@@ -196,7 +196,7 @@ def test_a_device_that_goes_on_behind_its_acknowledgement_is_stopped_once_more(f
     device = Axes(actual, targets, [place, *at(*[300] * (count - 1))])
     stopped = device.stop(family, own={"protocol": "eb90"})
     assert (stopped.error, len(device.writes)) == (DeviceRefused, 2 * obeys), stopped
-    assert AGAIN in stopped.text
+    assert f"{AGAIN}, and now" in stopped.text
 
 
 def test_the_rotation_of_the_thumb_is_its_wearers() -> None:

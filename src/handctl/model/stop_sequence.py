@@ -144,7 +144,7 @@ def did_not_last(stopped: Stopped, what: str) -> Stopped:
     return Stopped(text, FIND_WHO, DeviceRefused, goes_on=True)
 
 
-AGAIN = "The stop was sent once more, and now it stands still"
+AGAIN = "The stop was sent once more"
 FIND_WHO = (
     "end the other program. `handctl ports` shows the programs that use the ports of this computer. On a network or a bus, "
     "check the other computers too. If the device must not move, switch its power off"
@@ -178,7 +178,10 @@ def _once_more(steps: Callable[[StopContext], StopSequence], context: StopContex
     if not stopped.goes_on:
         return stopped
     again = yield from steps(context)
-    return again if again.error is not None else stopped._replace(text=joined(stopped.text, f"{AGAIN}: {again.text}"))
+    if again.goes_on:
+        return again
+    stands = ", and now it stands still" if again.error is None else ""
+    return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"))
 
 
 def _one_by_one(own: Addressee, context: StopContext) -> StopSequence:
