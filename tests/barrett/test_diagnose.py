@@ -130,7 +130,7 @@ def test_checks(check: Callable[[ExaminedHand], list[Finding]], changed: dict[st
 
 def test_what_was_meant_in_whole_degrees_is_never_above_the_limit() -> None:
     said = {celsius: health_limits.over_temperature_limit(celsius).evidence for celsius in (60, 65, 66, 120)}
-    assert [celsius for celsius, text in said.items() if f"({10 * celsius})" in text] == [60, 65]
+    assert [celsius for celsius, text in said.items() if f"OTEMP={10 * celsius}" in text] == [60, 65]
 
 
 def test_the_forecast_of_heat_names_both_temperatures_in_degrees() -> None:

@@ -797,9 +797,9 @@ ROWS = (
         "care-a-limit-that-burns-is-suggested",
         "harmful advice",
         "handctl.devices.barrett.maintenance.health_limits",
-        "over_temperature_limit",
-        'meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= LIMIT_TENTHS else ""',
-        'meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= 1250 else ""',
+        "meant_in_degrees",
+        'return f". {otemp} °C is OTEMP={otemp * 10}" if otemp * 10 <= LIMIT_TENTHS else ""',
+        'return f". {otemp} °C is OTEMP={otemp * 10}" if otemp * 10 <= 1250 else ""',
         "tests/barrett/test_diagnose.py::test_what_was_meant_in_whole_degrees_is_never_above_the_limit",
     ),
     mistake(

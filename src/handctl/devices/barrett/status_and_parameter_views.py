@@ -48,13 +48,12 @@ def meaning(param: GclParam, value: Number, index: int) -> str | None:
 
 def heat_hint(now: int, limit: int) -> str:
     """What to do about 8192, from TEMP and OTEMP in 0.1 °C: cool it, or mend the setting."""
-    from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, SET_LIMIT
+    from handctl.devices.barrett.maintenance.health_limits import SET_LIMIT, meant_in_degrees
 
     if 0 < limit < SENSIBLE_LIMIT:
-        meant = f". {limit} °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
         return Hint(
             f"run {{}}, because the setting is wrong. OTEMP is {limit / 10:.1f} °C, and the board is at "
-            f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant}",
+            f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant_in_degrees(limit)}",
             SET_LIMIT,
         )
     return Hint(

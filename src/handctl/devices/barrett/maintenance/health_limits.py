@@ -38,6 +38,11 @@ def limit_of(otemp: int) -> int:
     return otemp if 0 < otemp < LIMIT_TENTHS else LIMIT_TENTHS
 
 
+def meant_in_degrees(otemp: int) -> str:
+    """Which OTEMP the same number in whole °C is, unless that is above the limit of the hand (§2)."""
+    return f". {otemp} °C is OTEMP={otemp * 10}" if otemp * 10 <= LIMIT_TENTHS else ""
+
+
 class Finding(NamedTuple):
     """The outcome of one check: what was seen, and what to do with which section of the manual."""
 
@@ -98,9 +103,8 @@ def over_temperature_limit(tenths: int) -> Finding:
         remedy = Hint(f"{{}} stops movements at {LIMIT}", SET_LIMIT)
         return Finding(check, OK, "OTEMP is 0, the factory value, so the hand does not protect itself", remedy, source)
     if tenths < SENSIBLE_LIMIT:
-        meant = f". Did you mean {tenths}.0 °C ({tenths * 10})?" if tenths * 10 <= LIMIT_TENTHS else ""
-        remedy = Hint("{}: the unit is 0.1 °C", SET_LIMIT)
-        return Finding(check, FAIL, f"OTEMP {tenths} is {tenths / 10:.1f} °C: movements fail{meant}", remedy, source)
+        evidence = f"OTEMP {tenths} is {tenths / 10:.1f} °C: movements fail{meant_in_degrees(tenths)}"
+        return Finding(check, FAIL, evidence, Hint("{}: the unit is 0.1 °C", SET_LIMIT), source)
     if tenths > LIMIT_TENTHS:
         evidence = f"OTEMP {tenths / 10:.1f} °C is above the hand's limit of {LIMIT}"
         return Finding(check, WARNING, evidence, Hint("{}", SET_LIMIT), source)
@@ -221,9 +225,8 @@ def _state(motor: str, at: At) -> Iterator[Reason]:
 
 def _heat(at: At) -> Iterator[Reason]:
     limit, now = at["OTEMP", None], at["TEMP", None]
-    if 0 < limit < min(now, 300):
-        meant = f", {limit}.0 °C is OTEMP={limit * 10}" if limit * 10 <= LIMIT_TENTHS else ""
-        yield Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant}", Hint("{}", SET_LIMIT))  # fmt: skip
+    if 0 < limit < min(now, SENSIBLE_LIMIT):
+        yield Reason(f"OTEMP {limit / 10:.1f} °C and the temperature {now / 10:.1f} °C: the setting is wrong, not the temperature{meant_in_degrees(limit)}", Hint("{}", SET_LIMIT))  # fmt: skip
     elif 0 < limit < now:
         yield Reason(f"{now / 10:.1f} °C is above OTEMP {limit / 10:.1f} °C", COOL)
 
