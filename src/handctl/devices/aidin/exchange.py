@@ -1,9 +1,7 @@
 """The connection to one AIDIN-hand: detect its exchange mode, request values, send one object per period.
 
 The manual does not say who speaks first: listen, then ask with an empty object, never with a mode (dossier 6). Feedback is
-merged key by key; a key that is wrong is refused by itself.
-
-Feedback of the hand: the newest value of every key, or why it was rejected. Knows no bytes and no link.
+merged key by key: `Feedback` holds the newest value of each, or why it was rejected.
 """
 
 from __future__ import annotations

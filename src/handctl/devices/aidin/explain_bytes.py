@@ -2,10 +2,8 @@
 
 Bytes in, pieces out; knows no link. The hand streams by itself; only the neutral object ``{}`` asks for something.
 
-Which bytes command an AIDIN-hand (see `write_ledger`). The protocol has no acknowledgement: only feedback is evidence.
-
-An object with a mode is a command, one without (a poll) is none. Objects of one mode in a row are one step: a mode is
-sent every 20 ms for as long as it is to hold.
+For the ledger of writes an object with a mode is a command, one without (a poll) is none. Objects of one mode in a row are one
+step: a mode is sent every 20 ms for as long as it is to hold. Nothing is acknowledged: only feedback is evidence.
 """
 
 from __future__ import annotations

@@ -4,9 +4,8 @@ An object is sent every 20 ms; there is no acknowledge, so that feedback alone p
 ramp from 0, are held, go back to 0, and stop (aidin, Modes: current control): there is no position limit, so however it ends,
 they go to 0 and the stop mode is sent.
 
-Typed targets to a complete vector for the wire, checked for each finger (aidin, Ranges).
-
-Values are in the manual's units: counts, degrees, mm. Out of range is refused, never clamped. Knows no link.
+Targets are typed in the manual's units (counts, degrees, mm) and become a complete vector, checked for each finger (aidin, Ranges):
+out of range is refused, never clamped.
 """
 
 from __future__ import annotations

@@ -1,11 +1,9 @@
 """`aidin check`: a look at the hand at rest, then each motor a little way towards closed and back, alone (aidin, Ranges).
 
 The way is a small share of the documented stroke from the open position. A motor that pushes without moving is sent back at
-once, and its finger is left alone. A hand that goes where no way leads is stopped. What is judged, and by which limits, is in `findings`.
+once, and its finger is left alone. A hand that goes where no way leads is stopped.
 
-What `aidin check` makes of what it saw: a row for each sensor and each motor. Pure; the limits are ours, the manual has none.
-
-A value is compared with the same element of the other fingers, because the units of currents and forces are not documented.
+`findings` makes of what was seen a row for each sensor and each motor. The limits are ours, the manual has none. A value is compared with the same element of the other fingers, because the units of currents and forces are not documented.
 """
 
 from __future__ import annotations

@@ -1,20 +1,18 @@
 """Explain recorded bytes of the BarrettHand: GCL lines, RealTime blocks and the boot monitor's records.
 
-Bytes in, pieces out; knows no link. Three languages share the line: which one is spoken follows from the conversation
-(LOOP was acknowledged; "X" was answered by ":"). The layout of RealTime blocks follows from the flags that were read or
-set before; until one was seen it counts as the factory has it.
+Bytes in, pieces out; knows no link. Three languages share the line, and which one is spoken follows from the conversation:
 
-Explain the frames of the BarrettHand's three protocols in words. Knows no wire.
+    GCL           barrett §5         a command line, its echo, data, status and prompt
+    RealTime      barrett §6         once LOOP was acknowledged: control blocks, feedback blocks, the way out
+    boot monitor  dossier 7.2        once "X" was answered by ":": FF, then per record
+                                     FF | address low, address high, count | FF | data, each but the FF echoed
 
-GCL (barrett §5): what a command line asks for, what its answer says. RealTime (§6): the flags that shape the blocks, control
-blocks, feedback blocks, the way out. The boot monitor (dossier 7.2): records from the host, their echoes from the monitor:
-FF once;  then per record   FF | address low, address high, count | FF | data       each but the FF is echoed
+The layout of RealTime blocks follows from the flags that were read or set before; until one was seen it counts as the factory
+has it.
 
-Which bytes write to a BarrettHand, what acknowledges them, and what to read if nothing does (see `write_ledger`).
-
-A line is acknowledged by its echo and the prompt behind it, refused by ERR n (barrett §5.1.3). What is no query writes.
-In RealTime every block with values is a command, and the loop itself tells which blocks the hand answered. ^C counts where
-something moves or where it was planned: a connection begins with one.
+`BarrettWriteRules` tells the ledger which of these bytes write. A line is acknowledged by its echo and the prompt behind it,
+refused by ERR n (barrett §5.1.3). What is no query writes. In RealTime every block with values is a command, and the loop itself
+tells which blocks the hand answered. ^C counts where something moves or where it was planned: a connection begins with one.
 """
 
 from __future__ import annotations

@@ -2,10 +2,6 @@
 
 No log, no write. The user's own log is always written, because the policy remembers by it; --audit names a further one.
 Knows files and nothing of the device.
-
-`ekso policy`: every limit of this tool for writing a setting, as a table. Never a limit of the device.
-
-It decides nothing: the limits are in `parameter_map` (the largest steps), `setting_change` and `setting_writer`.
 """
 
 from __future__ import annotations

@@ -3,10 +3,8 @@
 Bytes in, pieces out; knows no link. There is no start byte: a frame is where a command, a length that it may have and a
 fitting CRC stand. Both directions have the same shape; the size of the body tells a request from its answer.
 
-Which bytes write to an EksoNR, what acknowledges them, and what to read if nothing does (see `write_ledger`).
-
-The answer repeats command and msgID; its status word says accepted (0) or why not (ekso §6). A bare acknowledgement,
-which may be an echo, proves nothing.
+For the ledger of writes: the answer repeats command and msgID; its status word says accepted (0) or why not (ekso §6). A bare
+acknowledgement, which may be an echo, proves nothing.
 """
 
 from __future__ import annotations

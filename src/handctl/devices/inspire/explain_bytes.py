@@ -6,8 +6,6 @@ stretch is, its first bytes tell: EB 90 has its mark, Modbus TCP two zeros and a
 
 `InspireWriteRules` tells the ledger which of these bytes write, what acknowledges them, and what to read when nothing does. What is
 no read request counts as a write, whatever it is: nobody knows what a damaged frame does.
-
-Describe a span of registers: which elements of a map the bytes at an address contain. Knows no wire.
 """
 
 from __future__ import annotations

@@ -1,10 +1,7 @@
 """Probe a hand, change its id and baud rate, save, reset to factory defaults. For the EH55BF1 and the RH56 hands.
 
 Each writes once, then finds out by reading what became of it; none repeats a write. The order of steps and the waits
-are those of the manual (cited) and, where it is silent, of the sibling hand; what is unknown on this hardware is said.
-
-What a hand keeps: where the manual of the EH55BF1 is silent the order of the RH56 is followed, and what is unknown on this
-hardware is said.
+are those of the manual (cited); where that of the EH55BF1 is silent, those of the RH56. What is unknown on this hardware is said.
 """
 
 from __future__ import annotations

@@ -3,14 +3,12 @@
     idle  start  b0 b1 b2 b3 b4 b5 b6 b7  stop  idle        8N1, 10 bits a byte (exo §2.1)
     1     0      least significant first  1     1
 
-Who drives it at the same time makes a wired AND: a 0 wins. A receiver takes one sample in the middle of each bit, from a
-falling edge on; a byte with a framing error is delivered too, as a terminal without parity checking does. Knows bits and
-time, no protocol and no device.
+Who drives it at the same time makes a wired AND: a 0 wins. A byte with a framing error is delivered too, as a terminal without
+parity checking does. Knows bits and time, no protocol and no device.
 
-What a UART hears at a wrong speed: the bit stream of one speed, sampled at another (8N1, 10 bits a byte).
-
-Knows bits only. Bytes with a framing error are delivered too. Two receivers are known; which one is in the hand decides
-whether a short pulse at a high speed is a byte at all, so a claim that something is harmless holds only for both.
+`Receiver` takes one sample in the middle of each bit. `resample` tells what is heard at a wrong speed by either of two known
+receivers; which one is in the hand decides whether a short pulse at a high speed is a byte at all, so a claim that something is
+harmless holds only for both.
 
     mid   one sample in the middle of each bit, the start bit included; a byte begins at a falling edge
     sci   16 samples a bit, as the serial interface of the hand's own processor family: the start bit must be low at two

@@ -5,11 +5,8 @@ Written from the manual and its dossier alone, by other means than the host: dec
     command  length  msgID high  low  body ...  CRC high  low
 
 The manual is silent on much: length byte, status codes, states, and everything that goes wrong. What a guess fills is
-marked so here; nothing seen here is evidence about a real device.
-
-Tables of the simulated EksoNR: settings with their places, limits and power-on values, presets (manual §6).
-
-A transcription of its own, raw numbers throughout. Limits are invented; the codes are those that field clients know.
+marked so here; nothing seen here is evidence about a real device. The settings, with their places, power-on values and presets,
+are a transcription of its own, in raw numbers; their limits are invented, the codes are those that field clients know.
 """
 
 from __future__ import annotations

@@ -1,14 +1,10 @@
-"""The body of the simulated EksoNR: posture, joints, hips over the feet, pressures, currents (dossier figures).
+"""The body of the simulated EksoNR and its clocks: posture, joints, pressures, currents; BootTime and calendar.
 
-Knows no message. Angles in degrees, lengths in inches, time in seconds, passed in. The postures, their durations and the
-leg equations are those of a field log; the walking pattern, its state value, the pressures' course and the small motion
-at rest are invented.
-
-The clocks of the simulated EksoNR: calendar time, and BootTime in ticks of 2 ms (manual §6; ticks from a field log).
+Knows no message and reads no clock. Angles in degrees, lengths in inches, time in seconds, passed in. The postures, their durations,
+the leg equations and BootTime's ticks of 2 ms are those of a field log; the walking pattern, its state value, the pressures' course
+and the small motion at rest are invented.
 
 BootTime need not run as other clocks do: it drifts as any crystal, and `Unrest` has it jump, or the device restart.
-
-Reads no clock: times are passed in, in seconds.
 """
 
 from __future__ import annotations

@@ -3,10 +3,8 @@
 Without an answer there are rows all the same: the speeds that were tried, and every other check skipped. A warning or a
 fail is a finding. A check moves nothing and writes nothing; the trials at the end move the hand, when they are asked for.
 
-A check gets the patient and returns findings; what it cannot read it raises.
-
-Trials are checks of the troubleshooting chapter that move the hand (barrett §8): short movements and their results.
-Every trial tells its command lines beforehand, so that a dry run shows the bytes. Ctrl-C stops the hand by ^C. After a
+A check gets the patient and returns findings; what it cannot read it raises. A trial is a check of the same chapter that moves
+the hand, a little: it tells its command lines beforehand, so that a dry run shows the bytes. Ctrl-C stops the hand by ^C. After a
 trial that the hand did not carry out the rest is skipped.
 """
 
