@@ -117,14 +117,15 @@ class HandctlError(Exception):
     """Whether it is certain that what was to be sent did not go out: the link did not take the frame."""
     joint = ". "
     """Between what happened and what is left behind."""
+    usual_text = ""
 
     def __init__(
-        self, text: str, *, hint: str = "", code: str = "", left: Aftermath | None = None, came: bytes = b""
+        self, text: str = "", *, hint: str = "", code: str = "", left: Aftermath | None = None, came: bytes = b""
     ) -> None:
-        super().__init__(text)
+        self._text = text or self.usual_text
+        super().__init__(self._text)
         self.came = came[:JUDGED]
         self.left = left or Aftermath()
-        self._text = text
         self._hint = hint or self.default_hint
         self.code = code or self.default_code
 
@@ -260,9 +261,18 @@ STOPPED = "stopped"
 """Code of what another process, or the stop key, has stopped: no Ctrl-C."""
 
 
+CTRL_C = "interrupted"
+
+
 class Interrupted(HandctlError):
     """Ended by Ctrl-C, by `S` in a live view, or by a `handctl stop` from elsewhere, and either the device acknowledged the stop or nothing had been set in motion. Exit code 130."""
 
     exit_code = 130
     default_code = "interrupted"
     joint = ": "
+    usual_text = CTRL_C
+
+
+def says_nothing_new(error: HandctlError) -> bool:
+    """Whether it is a Ctrl-C that left nothing behind: who pressed it knows."""
+    return error.text == CTRL_C

@@ -63,7 +63,7 @@ def stop_by(pid: int, patch: pytest.MonkeyPatch) -> None:
 
 def slept(port: Port, patch: pytest.MonkeyPatch, *lines: str, pid: int = 4194303) -> Result:
     """A script whose `sleep` lasts until process `pid` has stopped the device."""
-    patch.setattr(Session, "sleep", lambda _session, _seconds: stop_by(pid, patch))
+    patch.setattr(Session, "sleep", lambda *_: stop_by(pid, patch))
     return run("batch", "-p", PORT, "--json", stdin="\n".join(lines))
 
 

@@ -97,7 +97,7 @@ def sleep(run: Run, seconds: float) -> None:
             hint=f"write `sleep {seconds:g} --deadline {seconds + 1:g}`. Nothing was sent.",
         )
     if run.session is not None:  # else it is only planned
-        run.session.sleep(seconds)
+        run.session.sleep(seconds, run.journal)
 
 
 root.in_lines["sleep"] = sleep

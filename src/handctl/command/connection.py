@@ -519,10 +519,13 @@ class Session:
                 return known.stopped
         return None
 
-    def sleep(self, seconds: float) -> None:
-        """Let `seconds` pass on the clock of the link that was opened last."""
+    def sleep(self, seconds: float, journal: Journal) -> None:
+        """Let `seconds` pass on the clock of the link that was opened last. Raises what `stopped` tells where that ended it."""
         links = [one.link for one in self._open.values() if one.link is not None]
-        (links[-1].sleep if links else clock.sleep)(seconds)
+        try:
+            (links[-1].sleep if links else clock.sleep)(seconds)
+        except KeyboardInterrupt as exc:
+            raise self.stopped(journal) or exc from None
 
     def has(self, run: Invocation) -> bool:
         """Whether the device of this run is open here."""

@@ -156,7 +156,7 @@ def interrupted(run: Invocation) -> HandctlError:
     """Ctrl-C that no code inside has handled: stop the movement that this command started and no longer watches."""
     stop = run.journal.still_moving()
     if stop is None:
-        return Interrupted("interrupted")
+        return Interrupted()
     from handctl.model.stop_on_interrupt import stop_without_interrupts
 
     return stop_without_interrupts(stop, run.prompts)

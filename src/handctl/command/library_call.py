@@ -115,7 +115,7 @@ class Call(Run):
         except HandctlError as exc:
             outcome.failure = explained_error(self, exc)
         except KeyboardInterrupt:
-            outcome.failure = Interrupted("interrupted")
+            outcome.failure = Interrupted()
         finally:
             if isinstance(source, Generator):
                 source.close()

@@ -10,7 +10,7 @@ import click
 
 from handctl.command.command_tree import NoCommand, root
 from handctl.command.options import words_of
-from handctl.errors import HandctlError, Interrupted, OutputError
+from handctl.errors import HandctlError, Interrupted, OutputError, says_nothing_new
 
 
 def typed_command(args: Sequence[str]) -> tuple[str, click.Command]:
@@ -50,7 +50,7 @@ def report_and_exit_code(ended: BaseException, args: Sequence[str]) -> int:
     except HandctlError as exc:
         error = exc
     except (click.Abort, KeyboardInterrupt):
-        error = Interrupted("interrupted")
+        error = Interrupted()
     except NoCommand as exc:
         from handctl.command.terminal_prompts import print_stderr
 
@@ -87,6 +87,6 @@ def report_and_exit_code(ended: BaseException, args: Sequence[str]) -> int:
             streams = getattr(leaf, "streams", False)
             extra = {"writes": []} if getattr(leaf, "writes", False) and getattr(leaf, "family", None) else {}
         late_envelope(args, error, streams, command, extra)
-    if error.text != "interrupted":  # who pressed Ctrl-C knows; what it left behind is told
+    if not says_nothing_new(error):
         print_message("error", error.text, error.hint)
     return error.exit_code

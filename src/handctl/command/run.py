@@ -375,7 +375,7 @@ class Run(Invocation):
     def shown(self) -> Iterator[None]:
         """Around `carry_out`: answer to signals, close the link, show the table, and raise what went wrong."""
         if end_on_signals(suspend=self.writes) and self.session is not None:
-            raise Interrupted("interrupted")
+            raise Interrupted
         with self.after_output:
             try:
                 yield
@@ -449,7 +449,7 @@ class Run(Invocation):
         try:
             failure = self.close(failure)
         except KeyboardInterrupt:
-            failure = self.close(failure or Interrupted("interrupted"))
+            failure = self.close(failure or Interrupted())
         outcome.failure = failure = failure or (table.failure if table is not None else None)
         if failure is not None and self.journal.ledger.began:
             failure.text, failure.hint = honest(failure.text), honest(failure.hint)

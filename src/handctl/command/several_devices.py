@@ -135,7 +135,7 @@ class EachDevice:
             else:
                 run.end_device()
         except (HandctlError, KeyboardInterrupt) as exc:
-            run.outcome.failure = exc if isinstance(exc, HandctlError) else Interrupted("interrupted")
+            run.outcome.failure = exc if isinstance(exc, HandctlError) else Interrupted()
         except Exception as exc:  # noqa: BLE001 - a bug of ours must not hide the other devices
             run.outcome.failure = HandctlError(f"internal error: {type(exc).__name__}: {exc}", code="internal")
             run.close(None)

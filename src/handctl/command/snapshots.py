@@ -294,7 +294,7 @@ def nothing_written() -> Iterator[None]:
     try:
         yield
     except KeyboardInterrupt as exc:
-        raise Interrupted("interrupted", left=Aftermath("nothing was written")) from exc
+        raise Interrupted(left=Aftermath("nothing was written")) from exc
 
 
 def _unfinished(table: Table, differing: Sequence[Change], failure: HandctlError) -> Table:

@@ -26,7 +26,7 @@ def interrupt_error(stopped: Stopped, what: str = "") -> HandctlError:
     """The end of a command that Ctrl-C has ended: exit code 130 only where the stop was acknowledged."""
     text = f"{what}{stopped.text}"
     if stopped.error is None:
-        return Interrupted("interrupted", left=Aftermath(text, stopped.hint))
+        return Interrupted(left=Aftermath(text, stopped.hint))
     return stopped.error(
         f"interrupted, but the stop has not been confirmed: {text}", hint=stopped.hint, code=NOT_STOPPED
     )
@@ -65,7 +65,7 @@ def on_early_end(
         if not interrupt or (since is not None and since.writes == before):
             raise
         told = left if left.text else Aftermath(left.hint)  # there is no other text to stand behind
-        raise Interrupted("interrupted", left=told) from exc
+        raise Interrupted(left=told) from exc
     except by as exc:
         if since is None or since.writes > before:
             exc.add_aftermath(left)

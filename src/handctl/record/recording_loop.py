@@ -139,7 +139,7 @@ class Loop:
         except Ended:
             pass
         except KeyboardInterrupt:
-            return Interrupted("interrupted")
+            return Interrupted()
         except HandctlError as exc:
             return exc
         finally:

@@ -289,7 +289,7 @@ def stream(table: Table, sink: Sink, context: Context) -> HandctlError | None:
             failure = exc
         interrupts.device_done()  # the device has been left: only its reader can hold up the rest
     except KeyboardInterrupt:
-        failure = failure or table.failure or Interrupted("interrupted")  # how the device was left counts more
+        failure = failure or table.failure or Interrupted()  # how the device was left counts more
     interrupts.finish_on_signals()
     if isinstance(failure, OutputError) and failure.code == "reader":
         sink.abandon()

@@ -23,7 +23,7 @@ from handctl.command.invocation import shown_steps, unsent
 from handctl.command.options import InFile
 from handctl.command.run import Asked, Run
 from handctl.command.terminal_prompts import print_message
-from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined
+from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined, says_nothing_new
 from handctl.files import BYTE_ORDER_MARK, atomic_write, read_text, text_lines, writing
 from handctl.interrupts import was_interrupted
 from handctl.model.result import Table
@@ -222,11 +222,11 @@ def _carried_out(one: ScriptLine, session: Session, run: Run) -> HandctlError | 
     try:
         one.run(session, run.journal)
     except HandctlError as exc:
-        if exc.text != "interrupted":
+        if not says_nothing_new(exc):
             told = with_line_number(exc, one)
             print_message("error", told.text, told.hint)
         return exc
-    return Interrupted("interrupted") if was_interrupted() else None
+    return Interrupted() if was_interrupted() else None
 
 
 def _failure(
@@ -245,7 +245,7 @@ def _failure(
     if last is not None:
         return last
     if interrupted:
-        return Interrupted("interrupted")
+        return Interrupted()
     text = f"{len(failed)} of {plural(done, 'line')} failed, the first is line {one.number} ({one.command})"
     failure = HandctlError(text, hint=f"see the message of line {one.number}", code="line-failed")
     failure.exit_code = first.exit_code

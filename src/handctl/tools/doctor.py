@@ -270,7 +270,7 @@ def checked(run: Run, family: str | None, count: int) -> Table:
             checks.extend(examine(run, machine, kind, count))
         except KeyboardInterrupt:  # what was found until then is told
             found = table_of(checks, CAUSES)
-            found.failure = Interrupted("interrupted")
+            found.failure = Interrupted()
             return found
     elif kind is not None:
         raise UsageError(f"no {kind} device given", hint="give -p LINK, -d NAME or --fake", code="no-link")

@@ -183,7 +183,7 @@ def _prove(
         try:
             outcomes.append(carry_out(proof, device, ping, repeat, run.prompts))
         except KeyboardInterrupt:
-            failure = Interrupted("interrupted")
+            failure = Interrupted()
             break
         except HandctlError as exc:
             failure = exc

@@ -195,7 +195,7 @@ class Scan:
         except LinkError as exc:
             search.error = exc
         except KeyboardInterrupt:
-            search.error = Interrupted("interrupted")
+            search.error = Interrupted()
         finally:
             self._run.prompts.done()
             spent += link.now() - opened if link is not None else clock.now() - started

@@ -207,7 +207,7 @@ class Service:
                 raise
             errors.append(exc)
         except KeyboardInterrupt:
-            self.ended = Interrupted("interrupted")
+            self.ended = Interrupted()
             errors.append(self.ended)
         errors += [error for _, error in visit.problems[failed:]]
         for error in errors:
@@ -240,7 +240,7 @@ class Service:
         try:
             return question()
         except KeyboardInterrupt:
-            self.ended = Interrupted("interrupted")
+            self.ended = Interrupted()
             return None
 
     def _add(self, step: str, check: Check) -> None:

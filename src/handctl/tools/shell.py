@@ -15,7 +15,7 @@ from handctl.command.connection import Session
 from handctl.command.family import load, map_of
 from handctl.command.run import Run
 from handctl.command.terminal_prompts import is_terminal, print_message
-from handctl.errors import HandctlError, Hint, UsageError
+from handctl.errors import HandctlError, Hint, UsageError, says_nothing_new
 from handctl.families import COMMANDS, FAMILIES
 from handctl.files import state_path
 from handctl.interrupts import end_on_signals
@@ -140,7 +140,7 @@ class Shell:
         except click.exceptions.Exit:
             return  # it asked for help
         except HandctlError as exc:
-            if exc.text != "interrupted":
+            if not says_nothing_new(exc):
                 print_message("error", exc.text, exc.hint)
             if ended_by_interrupt(exc):
                 self._stop_moving()

@@ -25,6 +25,15 @@ ROWS = (
         "tests/contract/test_restore_elsewhere.py::test_what_means_something_else_there_is_refused",
     ),
     mistake(
+        "batch-says-nothing-of-a-stop-while-it-sleeps",
+        "false message",
+        "handctl.command.connection",
+        "Session.sleep",
+        "raise self.stopped(journal) or exc from None",
+        "raise exc from None",
+        "tests/stop/test_several_in_motion.py::test_a_wish_stops_each_and_the_batch_ends_by_that",
+    ),
+    mistake(
         "link-of-a-session-that-began-by-reading-is-not-observed",
         "ledger lies",
         "handctl.link.transcript",

@@ -99,7 +99,7 @@ def save(hand: BarrettHand, *, force: bool, prefix: str = "") -> Table:
 def _unsure(exc: HandctlError | KeyboardInterrupt, verb: str) -> HandctlError:
     """What is known of a save whose answer did not come."""
     hint = Hint("leave the power on for 15 s, then run {}. The save was counted", "barrett dump")
-    error = exc.reworded(exc.text, hint="") if isinstance(exc, HandctlError) else Interrupted("interrupted")
+    error = exc.reworded(exc.text, hint="") if isinstance(exc, HandctlError) else Interrupted()
     error.add_aftermath(Aftermath(f"{verb} was sent, and the hand may be writing its EEPROM", hint))
     return error
 

@@ -346,7 +346,7 @@ class FirstLight:
         try:
             return self._carried_out(step, repeat)
         except KeyboardInterrupt:
-            self.failure = Interrupted("interrupted")
+            self.failure = Interrupted()
         except HandctlError as exc:
             self._stop(exc)
             self.failure = exc
