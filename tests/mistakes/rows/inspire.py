@@ -8,6 +8,24 @@ MODBUS = "handctl.devices.inspire.modbus_frames"
 
 ROWS = (
     mistake(
+        "exo-a-reading-that-trembles-is-a-movement",
+        "evidence believed",
+        "handctl.devices.inspire.exo.device",
+        "move",
+        "[Goal(FINGERS[index], value, NEAR, jitter=NOISE) for index, value in values.items()],",
+        "[Goal(FINGERS[index], value, NEAR) for index, value in values.items()],",
+        "tests/inspire/test_trembling.py::test_who_trembles_at_rest_has_arrived",
+    ),
+    mistake(
+        "hand-a-reading-that-trembles-is-a-movement",
+        "evidence believed",
+        "handctl.devices.inspire.hand.motion",
+        "_goal",
+        'return Goal(part, target, NEAR[group], speed, patience, NOISE * (2 if group == "stroke_set" else 1))',
+        "return Goal(part, target, NEAR[group], speed, patience)",
+        "tests/inspire/test_trembling.py::test_who_trembles_at_rest_has_arrived",
+    ),
+    mistake(
         "save-whose-result-passes-for-a-refusal",
         "what was saved is called refused",
         "handctl.devices.inspire.id_baud_save_reset",

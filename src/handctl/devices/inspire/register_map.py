@@ -23,6 +23,11 @@ ALONE = -1
 DRAWN = 200
 """mA: a movement without a load draws 100 to 194 (rh56 §6). An actuator that stands and draws more pushes something."""
 
+NEAR = 20
+"""Counts of 1000 within which a finger is at its target: it may stop short without a fault (rh56 §6)."""
+NOISE = 3
+"""Counts of 1000: the reading of a resting finger changes by no more (45 to 47: rh56 §6)."""
+
 BAUD_RATES = {0: 115200, 1: 57600, 2: 19200}
 """exo §2.3.2."""
 

@@ -43,7 +43,7 @@ ALL_FAULTS = (1, 2, 4, 6, 24)  # error bytes of the state "faults"; the 6 is the
 _OPTIONS = {
     **SERIAL_OPTIONS,
     "calibration": ((None, 3600.0), "seconds that a calibration takes (default about 12: waits and movements)"),
-    "jitter": (False, "1: force and current jitter also at rest"),
+    "jitter": (False, "1: force, current and position jitter also at rest"),
     "limit": ((70, 40, 100), "temperature in °C that sets the over-temperature error (default 70)"),
     "gap": ((0.1, 3600.0), "seconds of silence after which an unfinished request is forgotten (default 0.1)"),
 }

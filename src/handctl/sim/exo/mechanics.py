@@ -199,8 +199,9 @@ class Hand:
         return [max(-1000, min(1000, round(f.force) + noise)) for f, noise in self._noisy(2)]
 
     def readings(self) -> list[tuple[str, list[int]]]:
+        shaken = [place + (self.random.between(-1, 1) if self.jitter else 0) for place in self.positions()]
         return [
-            ("position", self.positions()),
+            ("position", [max(0, min(1000, place)) for place in shaken]),
             ("force", self.forces()),
             ("current", [max(0, min(1000, round(f.current()) + noise)) for f, noise in self._noisy(3)]),
             ("error", [finger.error() for finger in self.fingers]),

@@ -337,11 +337,12 @@ class Body:
         angles = range(3000, 3000 + len(fingers)) if foreign else [round(finger.angle) for finger in fingers]
         each = [(finger, self.jitter is not None and (self.jitter or finger.moving)) for finger in fingers]
         between = self.random.between
+        shaken = [between(-1, 1) if self.jitter else 0 for _ in fingers]
         forces = [f.rest_force + round(f.pressed()) + (between(-2, 2) if shakes else 0) for f, shakes in each]
         currents = [round(f.current()) + (between(-3, 3) if shakes else 0) for f, shakes in each]
         return [
-            ("stroke", [round(finger.stroke) for finger in fingers]),
-            ("angle", list(angles)),
+            ("stroke", [round(finger.stroke) + 2 * more for finger, more in zip(fingers, shaken, strict=True)]),
+            ("angle", [angle + more for angle, more in zip(angles, shaken, strict=True)]),
             ("force", [max(-32768, min(32767, force)) for force in forces]),
             ("current", [max(-32768, min(32767, current)) for current in currents]),
             ("error", [finger.error() for finger in fingers]),

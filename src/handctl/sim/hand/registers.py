@@ -45,7 +45,7 @@ OPTIONS = {
     "reset": (("flash", "ram"), "a factory reset changes flash (default), or ram only until a save (open)"),
     "gestures": (False, "1: a number written to 1008 moves the fingers, as in older firmware (df and tp, default 0)"),
     "tactile": (("numbered", "quiet"), "numbered (default: value i at index i) or quiet (0 where nothing is touched)"),
-    "jitter": (False, "1: force and current jitter also at rest"),
+    "jitter": (False, "1: force, current and position jitter also at rest"),
     "limit": ((70, 40, 100), "temperature in °C that sets the over-temperature error (default 70)"),
 }  # fmt: skip
 SERIAL_OPTIONS = {

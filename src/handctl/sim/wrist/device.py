@@ -81,7 +81,7 @@ ALL_FAULTS = (1, 4)  # error bytes of the state "faults"
 
 OPTIONS = {
     "bus": (("serial", "can"), "serial (RS-232 or RS-485, default) or can"),
-    "jitter": (False, "1: currents jitter also at rest"),
+    "jitter": (False, "1: currents and angles jitter also at rest"),
     "limit": ((70, 40, 100), "temperature in °C that sets the over-temperature error (default 70)"),
 }
 FAULTS = {

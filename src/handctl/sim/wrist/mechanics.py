@@ -157,7 +157,7 @@ class Body:
 
     def positions(self) -> list[int]:
         """Pitch and yaw, 0.01°."""
-        return [round(angle) for angle in self.angles]
+        return [round(angle) + (self.random.between(-2, 2) if self.jitter else 0) for angle in self.angles]
 
     def currents(self) -> list[int]:
         """Of actuators #1 and #2, mA."""

@@ -16,7 +16,7 @@ from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_bus import may_still_move
 from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn_by_parts, error_finding
-from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, DRAWN, OVER_TEMPERATURE, outside
+from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, DRAWN, NEAR, NOISE, OVER_TEMPERATURE, outside
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import ByteLink
@@ -30,8 +30,6 @@ from handctl.model.stop_on_interrupt import stopped_by_ctrl_c
 
 LIVE = ("position_actual", "force_actual", "current", "error", "temperature")
 """What changes by itself: the default of `watch`."""
-NEAR = 20
-"""Of 1000: so near the target a finger has arrived; the RH56 hands of the same maker stop as far from it (rh56 §6)."""
 LEFT_ALONE = ". -1 leaves a finger as it is"
 COMMAND_FLAGS = {name: flag for flag, name in eb90.COMMANDS.items()}
 
@@ -364,7 +362,7 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
     it; what was not as expected is the table's failure.
     """
     this = Movement(
-        [Goal(FINGERS[index], value, NEAR) for index, value in values.items()],
+        [Goal(FINGERS[index], value, NEAR, jitter=NOISE) for index, value in values.items()],
         STILL,
         EXO["position_actual"].each,
         lambda readings: {reading.element.part or "": AxisReading(reading.value) for reading in readings},

@@ -10,7 +10,7 @@ from collections.abc import Callable, Generator, Sequence
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
-from handctl.devices.inspire.register_map import ALONE
+from handctl.devices.inspire.register_map import ALONE, NEAR, NOISE
 from handctl.devices.inspire.stop_requests import (
     QUICK,
     REFUSED,
@@ -34,10 +34,6 @@ POSITION_SET, FORCE_SET, POSITION_ACTUAL = (
 )
 MEASURED = 6
 """Fingers, and the rotation of the thumb, which nothing drives."""
-NEAR = 20
-"""Counts of 1000 within which a finger has reached its target (`exo.device`): so far past an end it is held at that end."""
-NOISE = 3
-"""Counts of 1000: the reading of a resting finger changes by no more (45 to 47 on an RH56 hand: rh56 §6)."""
 OF_A_WRIST = "run `handctl wrist stop`"
 POWER = "switch the power off if the hand still pushes or moves"
 

@@ -35,7 +35,7 @@ from handctl.devices.inspire.identity import BYTE_HAND, NOT_SHOWN, UNHEARD, stra
 from handctl.devices.inspire.modbus_frames import is_eb90
 from handctl.devices.inspire.register_bus import BETWEEN_PROTOCOLS, RegisterBus
 from handctl.devices.inspire.register_device import BlockReader, RegisterDevice, T, error_finding
-from handctl.devices.inspire.register_map import OVER_TEMPERATURE, outside
+from handctl.devices.inspire.register_map import NEAR, OVER_TEMPERATURE, outside
 from handctl.errors import DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import OTHER_FORM, Release, SetpointPair
@@ -49,10 +49,10 @@ SHOWN = ("id", "baud_code", "angle_set", "force_limit", "speed_set", *LIVE)
 
 
 SETPOINT_PAIRS = (
-    SetpointPair("stroke_set", "stroke_actual", 40, closing=1),
-    SetpointPair("angle_set", "angle_actual", 20, closing=-1),
+    SetpointPair("stroke_set", "stroke_actual", 2 * NEAR, closing=1),
+    SetpointPair("angle_set", "angle_actual", NEAR, closing=-1),
 )
-"""Counts within which a finger has arrived: it may stop short without a fault (rh56 §6). 0 is open as a stroke, closed as an angle."""
+"""A stroke has 2000 counts, an angle 1000. 0 is open as a stroke, closed as an angle."""
 RELEASES = (
     Release("speed_set", "speed_set", lambda _, new: new > 0),
     Release("force_limit", "force_limit", lambda now, new: new > now, closing=True),

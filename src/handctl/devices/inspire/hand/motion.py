@@ -18,7 +18,7 @@ from handctl.devices.inspire.hand.register_map import (
     too_hot,
 )
 from handctl.devices.inspire.register_device import BEGINS, Movement, drawn_by_parts
-from handctl.devices.inspire.register_map import ALONE, DRAWN
+from handctl.devices.inspire.register_map import ALONE, DRAWN, NOISE
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
 from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
@@ -33,8 +33,9 @@ NEAR = {course.target: course.near for course in SETPOINT_PAIRS}
 STILL = Stillness(samples=4, seconds=1.0, refresh=0.031, dead=0.1, short=BEGINS, pushing=DRAWN)
 """The hand renews its state every 31 ms, and a movement begins 55 to 80 ms after its command (rh56 §5). Where a finger
 stands and its status says that it moves, the hand gets a second to report what holds it."""
-SLOWEST_CHANGE = 3 / 1.25
-"""Seconds at speed 1 in which a moving finger must have changed its reading (rh56 §3.1: a stroke in 0.8 s at speed 1000)."""
+SLOWEST_CHANGE = (NOISE + 3) / 1.25
+"""Seconds at speed 1 in which the reading of a moving finger must have changed by more than that of a resting one (rh56 §3.1: a
+stroke in 0.8 s at speed 1000)."""
 MOVING = frozenset({0, 1})
 """Status codes of a finger that moves, or whose command came while its speed was 0."""
 FORCE_REACHED = 3
@@ -178,7 +179,8 @@ def move(
 
 def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
     speed = before.get(f"speed_set.{part}") if before is not None else None
-    return Goal(part, target, NEAR[group], speed, SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0)
+    patience = SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0
+    return Goal(part, target, NEAR[group], speed, patience, NOISE * (2 if group == "stroke_set" else 1))
 
 
 def _seen(place: Reading, status: Reading, fault: str, *, fresh: bool) -> AxisReading:

@@ -17,6 +17,7 @@ from handctl.devices.inspire.hand.register_map import DG2, F1, MAPS, HandRegiste
 from handctl.devices.inspire.identity import STATES, TABLE, is_five_wide, is_six_wide, within
 from handctl.devices.inspire.modbus_frames import RTU, TCP
 from handctl.devices.inspire.register_bus import Span
+from handctl.devices.inspire.register_map import NOISE
 from handctl.devices.inspire.stop_requests import CAN, EB90, QUICK, TAKEN, Wire, check_again, lead
 from handctl.errors import DeviceRefused, LinkError, NoAnswer, ProtocolError
 from handctl.model.param import ParamMap
@@ -25,8 +26,6 @@ from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, Stop
 
 BRIEF = 0.3
 """Seconds for each protocol where both are tried, before both are tried for longer."""
-NOISE = 3
-"""Counts of 1000: the reading of a resting finger changes by no more (45 to 47: rh56 §6)."""
 POWER = "Speed 0 does not replace the power switch. Switch the power off if the hand is still moving"
 GOES_ON = "With a new speed the fingers may move on to their last target"
 LABEL = "add --model f1 or dg2 if the label says so. Switch the power off if it is still moving"

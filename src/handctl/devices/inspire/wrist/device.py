@@ -10,7 +10,7 @@ from collections.abc import Collection, Sequence
 
 from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn, grouped
 from handctl.devices.inspire.register_map import DRAWN, outside, register_of
-from handctl.devices.inspire.wrist.register_map import WRIST
+from handctl.devices.inspire.wrist.register_map import NEAR, NOISE, WRIST
 from handctl.errors import CheckFailed, UsageError
 from handctl.link import CanFrame
 from handctl.model.device import PendingMove
@@ -21,7 +21,6 @@ from handctl.model.result import Cell, Finding, Grid, Row, Table
 
 SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
-ARRIVED_DEGREES = 0.5
 STILL = Stillness(samples=3, seconds=0.3, refresh=0.03, short=BEGINS, pushing=DRAWN)
 ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"))
 CURRENTS = tuple(Element(WRIST[name], 0) for name in ("current_1024", "current_1026"))
@@ -106,7 +105,7 @@ class Wrist(RegisterDevice):
         return [
             PendingMove(axis, f"{axis}_set", here, there)
             for axis, here, there in places
-            if here is not None and there is not None and abs(here - there) > ARRIVED_DEGREES
+            if here is not None and there is not None and abs(here - there) > NEAR / 100
         ]
 
     def status(self, check: bool) -> Table:
@@ -165,7 +164,10 @@ class Wrist(RegisterDevice):
                     code="no-time",
                 )
         this = Movement(
-            [Goal(axis, target, ARRIVED_DEGREES, decimals=2, unit="°") for axis, target in targets.items()],
+            [
+                Goal(axis, target, NEAR / 100, jitter=NOISE / 100, decimals=2, unit="°")
+                for axis, target in targets.items()
+            ],
             STILL._replace(least=time / 1000),
             ANGLES,
             lambda readings: {axis_of(reading.element.param.name): AxisReading(reading.value) for reading in readings},

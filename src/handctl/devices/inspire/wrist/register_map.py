@@ -12,6 +12,8 @@ from handctl.model.param import COMMAND, ParamMap
 PITCH_RANGE = (-22.66, 22.12)
 YAW_RANGE = (-25.50, 25.50)
 """Degrees (wrist §1)."""
+NEAR, NOISE = 50, 5
+"""0.01 degrees: within them an axis is at its target, and the reading of a resting one changes by no more. Both are this tool's."""
 _ASSUMED = "bit names assumed from the hand"
 _RANGE = "wrist §2.1, range wrist §1"
 

@@ -25,17 +25,13 @@ from handctl.devices.inspire.stop_requests import (
     instead,
     lead,
 )
-from handctl.devices.inspire.wrist.register_map import PITCH_RANGE, WRIST, YAW_RANGE
+from handctl.devices.inspire.wrist.register_map import NEAR, NOISE, PITCH_RANGE, WRIST, YAW_RANGE
 from handctl.errors import CheckFailed, DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.stop_repetition import HoldTries, StepResult, after_late_replies, behind, repeat_until_answered
 from handctl.model.stop_sequence import Pieces, StopContext, Stopped, StopSequence, StopStep
 
 ANGLES, ANGLES_SET = WRIST["pitch_actual"].address, WRIST["yaw_set"].address
 """With yaw_actual behind it; with pitch_set behind it (wrist §2.1)."""
-NEAR = 50
-"""0.01 degrees within which an axis has reached its target (`wrist.device`): so far past an end it is held at that end."""
-NOISE = 5
-"""0.01 degrees: the reading of a resting axis changes by no more."""
 AXES = ("pitch", "yaw")
 """In the order of the actual angles; the set angles lie the other way round (wrist §2.1)."""
 POWER = "switch the power off if it is still moving"
