@@ -5,14 +5,15 @@ from __future__ import annotations
 from tests.support.cli import run
 from tests.support.each_row import each_row
 
+FOUR = ("little=300", "ring=300", "middle=300", "index=300")
 LINES = [
     ("exo", ("position", "500", "400", "300", "200", "100", "--wait", "4"), "exo?clock=virtual"),
     ("wrist", ("move", "--pitch", "5", "--time", "500", "--wait", "4"), "wrist?clock=virtual"),
     ("wrist", ("move", "--pitch", "5", "--time", "500", "--wait", "4"), "wrist?clock=virtual&bus=can"),
-    ("hand", ("angle", "index=300", "--wait", "0.9"), "hand?clock=virtual"),
-    ("hand", ("position", "index=300", "--wait", "0.9"), "hand?clock=virtual"),
-    ("hand", ("angle", "index=300", "--wait", "0.9"), "hand?clock=virtual&bus=can"),
-    ("hand", ("angle", "index=950", "--wait", "0.9"), "hand?clock=virtual&model=f1"),
+    ("hand", ("angle", *FOUR, "--wait", "1.5"), "hand?clock=virtual"),
+    ("hand", ("position", *FOUR, "--wait", "1.5"), "hand?clock=virtual"),
+    ("hand", ("angle", *FOUR, "--wait", "1.5"), "hand?clock=virtual&bus=can"),
+    ("hand", ("angle", "index=950", "--wait", "1.5"), "hand?clock=virtual&model=f1"),
 ]
 
 
