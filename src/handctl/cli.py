@@ -108,7 +108,7 @@ def _finish(code: int, text: str = "") -> int:
         return code or 1
     except KeyboardInterrupt:  # Ctrl-C into help that nobody reads
         _discard_stdout()
-        return code or 130
+        return code or INTERRUPTED
     return code
 
 

@@ -28,6 +28,6 @@ def test_tab_is_bound_as_the_library_wants_it(
         setattr(fake, name, lambda *_: None)
     fake.parse_and_bind, fake.write_history_file = told.append, kept.append  # type: ignore[attr-defined]
     monkeypatch.setitem(sys.modules, "readline", fake)
-    with terminal.edited_lines(tmp_path / "history", 10, lambda _line, _word: []):
+    with terminal.edited_lines(tmp_path / "history", lambda _line, _word: []):
         assert (told, kept) == ([binding], [])
     assert kept == [tmp_path / "history"]

@@ -16,7 +16,7 @@ from typing import Any
 import can
 
 from handctl.errors import HandctlError, Hint, LinkError, NoAnswer, UsageError
-from handctl.link.link_interface import CanFrame, Deadline, FrameLink, RawAccess, Trouble, options_in, unsent
+from handctl.link.link_interface import BITRATE, CanFrame, Deadline, FrameLink, RawAccess, Trouble, options_in, unsent
 from handctl.link.port_users import busy, refuse_held
 from handctl.link.slcan import (
     AGAIN_SECONDS,
@@ -32,8 +32,6 @@ from handctl.link.slcan import (
 from handctl.system import clock, serial_ports
 from handctl.wording import plural
 
-BITRATE = 1_000_000
-"""wrist §2.3."""
 POLL_SECONDS = 0.05
 """Some back ends return early without a frame; the deadline decides, not they."""
 IFF_UP = 1

@@ -12,6 +12,9 @@ from handctl.fast_classes import NamedTuple
 from handctl.system import clock
 from handctl.wording import frame_text, plural
 
+BITRATE = 1_000_000
+"""bit/s of a CAN bus, unless told otherwise (wrist §2.3)."""
+
 
 class Deadline:
     """A moment on a monotonic clock. Handed down through every wait, so that waits do not add up."""

@@ -9,6 +9,7 @@ from contextlib import suppress
 from typing import Any
 
 from handctl.errors import UsageError
+from handctl.number_parsing import real_in
 from handctl.record.marks import Heard
 from handctl.record.row_source import Source
 from handctl.system import clock
@@ -68,7 +69,7 @@ class Streams:
     def row(self, moment: float, line: str) -> None:
         """Send a row of the file, with the moment at which it was taken."""
         fields = next(csv.reader([line]))
-        self._rows.push_sample([_number(fields[at]) for at in self._at], moment + self._ahead)
+        self._rows.push_sample([real_in(fields[at]) for at in self._at], moment + self._ahead)
 
     def marks(self, came: Sequence[Heard]) -> Sequence[Heard]:
         """Send the marks that did not come from a stream themselves; returns all."""
@@ -111,11 +112,3 @@ class Streams:
                 mono = stamp - self._ahead
                 wall = clock.wall() - (clock.now() - mono)
                 self._heard(Heard(str(values[0]), round(wall, 6), round(mono, 6), "lsl"))
-
-
-def _number(text: str) -> float:
-    """A column of a stream: what is no number is none there."""
-    try:
-        return float(text)
-    except ValueError:
-        return float("nan")

@@ -17,6 +17,9 @@ LONGEST_LINE = 4096
 """Bytes of a line that a terminal hands over."""
 
 
+HISTORY = 1000
+"""Lines of a prompt that are kept."""
+
 if sys.platform == "win32":
     import msvcrt
 
@@ -155,7 +158,7 @@ else:
 
 
 @contextlib.contextmanager
-def edited_lines(history: Path, longest: int, complete: Callable[[str, str], list[str]]) -> Iterator[None]:
+def edited_lines(history: Path, complete: Callable[[str, str], list[str]]) -> Iterator[None]:
     """While it lasts `input` knows the lines of the file `history`, and TAB; at its end the file has those that were typed.
 
     `complete` gives for what stands before the cursor, and for the word there, the words that fit. Nothing of all that where
@@ -172,7 +175,7 @@ def edited_lines(history: Path, longest: int, complete: Callable[[str, str], lis
     with contextlib.suppress(OSError):  # none yet, or one that cannot be read
         history.parent.mkdir(parents=True, exist_ok=True)
         readline.read_history_file(history)
-    readline.set_history_length(longest)
+    readline.set_history_length(HISTORY)
     readline.set_completer_delims(" ")
 
     def completer(word: str, state: int) -> str | None:

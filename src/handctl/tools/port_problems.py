@@ -6,12 +6,11 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from handctl.link.link_interface import BITRATE
 from handctl.link.port_users import Process, group_remedy
 from handctl.system import advice
 from handctl.tools.port_inventory import CanInterface, Chip, Port
 
-BITRATE = 1_000_000
-"""wrist §2.3."""
 LATENCY_MS = 1
 """Of the latency timer: more holds back the end of every reply."""
 

@@ -42,8 +42,6 @@ def cli(run: Run, family: str | None) -> None:
 
 
 ENDS = ("exit", "quit")
-HISTORY = 1000
-"""Lines that are kept."""
 NAMING = ("get", "watch", "set", "describe")
 """Commands whose words are quantities."""
 
@@ -76,7 +74,7 @@ class Shell:
         """Take lines until Ctrl-D or `exit`."""
         run = self._run
         try:
-            with terminal.edited_lines(state_path("shell-history"), HISTORY, self.candidates):
+            with terminal.edited_lines(state_path("shell-history"), self.candidates):
                 self._take_lines()
         finally:
             failure = self._not_stopped or self._session.close(run.journal)

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from handctl.devices.aidin.json_codec import LARGEST_OUT, LONGEST_END, NEUTRAL, TERMINATORS
+from handctl.devices.aidin.json_codec import DEEPEST, LARGEST_OUT, LONGEST_END, NEUTRAL, TERMINATORS
 from handctl.devices.aidin.parameter_map import AIDIN
 from handctl.errors import UsageError
 from handctl.wording import plural
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 PERIOD = 0.02
 """Seconds between two objects that are sent."""
-DEEPEST = 8
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
 
 

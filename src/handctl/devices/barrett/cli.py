@@ -34,8 +34,6 @@ from handctl.model.param import Element, Number, Step
 from handctl.model.result import Column, Journal, Table
 from handctl.system import terminal
 
-HISTORY = 1000
-"""Lines of the prompt that are kept."""
 MOTORS_OPTION = click.option(
     "--motors", metavar="12S", help="Motors: digits 1 to 4, G for the fingers, S for the spread (default: all)."
 )
@@ -363,7 +361,7 @@ def _prompt(run: Run, *, force: bool) -> Table:
             hint="for --json, -o or a redirected stdout, give the commands as arguments or as a script on stdin",
             code="no-terminal",
         )
-    with terminal.edited_lines(state_path("gcl-history"), HISTORY, passthrough.candidates):
+    with terminal.edited_lines(state_path("gcl-history"), passthrough.candidates):
         return passthrough.interactive(run, run.device(), input, before)
 
 

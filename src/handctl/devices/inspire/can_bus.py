@@ -246,13 +246,8 @@ def said_damaged(count: int, last: str) -> str:
 
 
 def answers(frame: CanFrame, request: CanFrame, count: int | None) -> bool:
-    """Whether a frame with our identifier is the answer: as many bytes as asked, or an acknowledgement.
-
-    An acknowledgement is empty or the number of bytes written; our own one-byte write coming back is neither.
-    """
-    if count is not None:
-        return len(frame.data) == count
-    return len(frame.data) <= 1 and (frame != request or frame.data == b"\x01")
+    """Whether a frame with our identifier is the answer: as many bytes as asked, or an acknowledgement."""
+    return can_frames.acknowledges(frame.data, request.data) if count is None else len(frame.data) == count
 
 
 def related(frame: CanFrame, request: CanFrame) -> bool:

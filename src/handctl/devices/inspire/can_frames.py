@@ -51,6 +51,14 @@ def only_reads(identifier: int, data: bytes) -> bool:
     return parse_identifier(identifier).flag in (READ_HAND, READ_WRIST) and len(data) == 1
 
 
+def acknowledges(data: bytes, written: bytes) -> bool:
+    """Whether the data of a frame with the identifier of a write are its acknowledgement: none, or the number of bytes written.
+
+    Our own one-byte write coming back is neither.
+    """
+    return len(data) <= 1 and (data != written or data == b"\x01")
+
+
 def check_id(hand_id: int) -> None:
     """Refuse ids that an identifier cannot hold: 0..16383 (wrist §2.3). Raises UsageError."""
     if not 0 <= hand_id <= MAX_ID:

@@ -734,7 +734,7 @@ class InspireExplainer(Cutter):
         if asked is None:
             words = self._can_words(HOST if len(data) == 1 else DEVICE, can_id, data)
             return self._can_piece(DEVICE, can_id, data, f"not asked for here: {words}", title=f"others {can_id:08X}")
-        if len(data) <= 1 and (data != asked or data == b"\x01") if access.writes else [len(data)] == list(asked):
+        if can_frames.acknowledges(data, asked) if access.writes else [len(data)] == list(asked):
             del self._asked[can_id]
             short = access.writes and data not in (b"", bytes([len(asked)]))
             problem = ("cut-short" if any(data) else "refused") if short else ""

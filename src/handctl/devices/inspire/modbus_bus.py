@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 
 from handctl.devices.inspire import modbus_frames
 from handctl.devices.inspire.modbus_frames import RTU, TCP, Answer, RtuDecoder, TcpDecoder, framed, pdu_of
-from handctl.devices.inspire.register_bus import FEWER, MOST, ByteBus
+from handctl.devices.inspire.register_bus import FEWER, MOST, PATIENCE, ByteBus
 from handctl.errors import DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError, UsageError
 from handctl.families import FAMILIES
 from handctl.link import ByteLink, CanFrame, Deadline
@@ -79,8 +79,6 @@ QUIET_SECONDS = 0.00175
 """Silence before each RTU frame at 19200 bit/s and more (rh56 §5)."""
 TCP_TIMEOUT = 0.5
 """Seconds allowed for an answer over TCP (rh56 §5)."""
-PATIENCE = 4
-"""An answer that has begun and keeps coming may take this many timeouts in all."""
 BEHIND = 0.05
 """Seconds for the right answer behind one that names another question, until a hand is known to count wrongly."""
 SETTLING = 8

@@ -9,9 +9,10 @@ from itertools import groupby
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.explain_bytes import InspireExplainer, stretches
+from handctl.devices.inspire.register_bus import PATIENCE
 from handctl.devices.inspire.register_device import RegisterDevice
 from handctl.devices.inspire.register_map import Register
-from handctl.devices.inspire.serial_bus import PATIENCE, SerialBus, bad_reply, hint_for, others_speak
+from handctl.devices.inspire.serial_bus import SerialBus, bad_reply, hint_for, others_speak
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.model.explainer import DEVICE, ExplainedBytes
 from handctl.model.param import Element, Number, ParamMap, Reading, Step

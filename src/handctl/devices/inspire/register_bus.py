@@ -100,6 +100,8 @@ BETWEEN_PROTOCOLS = 0.005
 """Silence between EB 90 and RTU on one pair (rh56 §2.5)."""
 FLOOD = 1024
 """Bytes: who sends more in place of an answer talks all the time, and no other question helps."""
+PATIENCE = 4
+"""An answer that has begun and keeps coming may take this many timeouts in all."""
 MOST = 65536
 """Bytes that are listened to, where nothing answers."""
 

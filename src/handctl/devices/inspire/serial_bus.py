@@ -10,7 +10,16 @@ from typing import ClassVar
 
 from handctl.devices.inspire import eb90
 from handctl.devices.inspire.eb90 import Decoder, Frame
-from handctl.devices.inspire.register_bus import AHEAD, FEWER, FRESH, FRESH_SHORT, ByteBus, LastReply, question
+from handctl.devices.inspire.register_bus import (
+    AHEAD,
+    FEWER,
+    FRESH,
+    FRESH_SHORT,
+    PATIENCE,
+    ByteBus,
+    LastReply,
+    question,
+)
 from handctl.errors import JUDGED, DeviceRefused, HandctlError, Hint, ProtocolError
 from handctl.link import CanFrame, Deadline
 from handctl.model.device import harmless_to_others
@@ -186,8 +195,6 @@ def frames_of_others(data: bytes, sent: bytes, ours: Callable[[Frame], bool]) ->
 
 # -- the wire ---------------------------------------------------------------------------------------------------------
 
-PATIENCE = 4
-"""An answer that has begun and keeps coming may take this many timeouts in all."""
 SHORT = 32
 """Bytes of an answer whose time is that of the line, not of its bytes."""
 ARRIVING = 0.5
