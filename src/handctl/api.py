@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import click
 
 from handctl.command.command_tree import Command
-from handctl.command.connection import Session
 from handctl.command.family import Family, load
 from handctl.command.library_call import Confirm, LibrarySession
+from handctl.command.open_links import Session
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
 from handctl.model.command_settings import Settings

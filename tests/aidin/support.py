@@ -6,8 +6,8 @@ import json
 from collections.abc import Callable, Iterable
 from typing import Any
 
+from handctl.devices.aidin.conversation import Conversation
 from handctl.devices.aidin.device import AidinHand
-from handctl.devices.aidin.exchange import Conversation
 from handctl.link import ByteLink, Deadline, open_link
 from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts

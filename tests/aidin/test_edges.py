@@ -8,7 +8,7 @@ from contextlib import contextmanager
 import pytest
 
 from handctl.devices.aidin import device, homing_and_bias, motion
-from handctl.devices.aidin.exchange import LISTEN_LONGEST
+from handctl.devices.aidin.conversation import LISTEN_LONGEST
 from handctl.devices.aidin.motion import currents, parse
 from handctl.devices.aidin.parameter_map import CURRENTS, ENCODERS
 from handctl.errors import CheckFailed, Interrupted, NoAnswer, ProtocolError, UsageError

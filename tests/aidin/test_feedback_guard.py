@@ -9,8 +9,8 @@ from types import SimpleNamespace
 import pytest
 
 from handctl.devices.aidin import homing_and_bias, motion, motor_and_sensor_check, probe
+from handctl.devices.aidin.conversation import Conversation
 from handctl.devices.aidin.device import AidinHand
-from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.feedback_guard import FASTEST, OBJECTS, FeedbackGuard, Liveness
 from handctl.devices.aidin.motion import parse
 from handctl.devices.aidin.parameter_map import ANGLES, CURRENTS, ENCODERS, TIPS

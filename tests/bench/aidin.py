@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from handctl.devices.aidin.exchange import Conversation
+from handctl.devices.aidin.conversation import Conversation
 from handctl.devices.aidin.exchange_settings import ExchangeMode, ExchangeSettings
 from handctl.link.tcp import TcpLink
 from handctl.model.result import Journal

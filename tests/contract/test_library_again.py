@@ -68,7 +68,7 @@ def test_no_call_but_a_stop_opens_a_closed_link_again(family: str, monkeypatch: 
         opened.append(link)
         return open_link(link, **options)
 
-    monkeypatch.setattr("handctl.command.connection.open_link", noted)
+    monkeypatch.setattr("handctl.command.open_links.open_link", noted)
     for call in (device.__enter__, lambda: device.get(name), device.dump, lambda: list(late)):
         with refused(UsageError, "closed"):
             call()

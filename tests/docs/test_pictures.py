@@ -33,7 +33,7 @@ def test_a_picture_stands_alone(name: str) -> None:
 
 @each_row(("name", "parts"), [
     ("exo-status", ("simulated", "locked_rotor", "thumb550555-15-6525", "Position")),
-    ("exo-watch", ("simulated", "20.0Hz", "13samples", "110..860", "█", "▁", "[°C]", "-30s")),
+    ("exo-watch", ("simulated", "20.0Hz", "13samples", "109..860", "█", "▂", "[°C]", "-30s")),
     ("barrett-status", ("simulated", "ready", "F101125956", "firmware4.33")),
 ])  # fmt: skip
 def test_a_picture_shows(name: str, parts: tuple[str, ...]) -> None:

@@ -17,7 +17,7 @@ from unittest import mock
 import click
 import pytest
 
-from handctl.command import connection
+from handctl.command import open_links
 from handctl.devices.inspire import identity
 from handctl.devices.inspire.exo.cli import cli as exo_cli
 from handctl.devices.inspire.wrist.cli import cli as wrist_cli
@@ -61,7 +61,7 @@ def scratch(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def on(link: Any) -> Iterator[Any]:
     """Every link that is opened meanwhile is this one."""
     with ExitStack() as opening:
-        for module in (connection, scan):
+        for module in (open_links, scan):
             opening.enter_context(mock.patch.object(module, "open_link", lambda *_args, **_more: link))
         yield link
 

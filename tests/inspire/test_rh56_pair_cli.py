@@ -229,7 +229,7 @@ def test_two_hands_with_one_address_over_tcp(config: Path, tmp_path: Path, monke
 
         on(_210=0)()
         person = Seeing(controls, [on(_210=1), cycled, on(_210=0, _211=1)])
-        monkeypatch.setattr("handctl.command.invocation.TerminalPrompts", lambda _quiet: person)
+        monkeypatch.setattr("handctl.command.settings_and_checks.TerminalPrompts", lambda _quiet: person)
         result = typed(config, OLD, "--json", "--yes")
     assert result.code == 0, result
     rows = [(row["name"], row["link"], row["network"]) for row in result.rows]

@@ -10,7 +10,7 @@ from unittest import mock
 
 import pytest
 
-from handctl.command import connection
+from handctl.command import open_links
 from handctl.errors import DeviceRefused, LinkError
 from handctl.link.fake import FakeLink
 from handctl.model.stop_on_interrupt import NOT_STOPPED
@@ -104,7 +104,7 @@ def test_what_came_between_two_lines_belongs_to_neither() -> None:
     stale = [(0.0, bytes.fromhex(text)) for text in (RELEASED, HELD)]
     answers = {b"\x11\xe8\x03": [(0.0, ID)], b"\x11F\x06": [(0.0, ITSELF), *stale]}
     link = ScriptedLink(lambda request: answers.get(request[4:7], []))
-    with mock.patch.object(connection.Connection, "_open", lambda *_: link):
+    with mock.patch.object(open_links.Connection, "_open", lambda *_: link):
         result = batch("exo get id", "exo stop", more=("--json",))
     assert [end["end"]["exit_code"] for end in ends(result)] == [0, 4, 4], result
     assert "commanded all forces to 0, but no reply arrived" in result.err

@@ -14,8 +14,8 @@ from unittest import mock
 
 import pytest
 
-from handctl.command import connection
-from handctl.command.connection import Connection
+from handctl.command import open_links
+from handctl.command.open_links import Connection
 from handctl.link import ByteLink, FrameLink, Link, open_link
 from handctl.link.device_lock import remembered
 from handctl.stop.device_access import DeviceAccess
@@ -34,7 +34,7 @@ class Bench:
         self.first = b""
         """What somebody else has sent to the device before."""
         self.asked: list[float] = []
-        patch.setattr(connection, "open_link", self._open)
+        patch.setattr(open_links, "open_link", self._open)
         patch.setattr(stop, "open_link", self._ask)
 
     def _open(self, name: str, **options: Any) -> Link:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from unittest import mock
 
-from handctl.command import connection
+from handctl.command import open_links
 from handctl.link import Deadline, open_link
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
@@ -51,7 +51,7 @@ def moved(family: str, query: str, words: tuple[str, ...], begins: str, seconds:
     """The end of the command, and what was sent once the movement had begun."""
     link = Hole(family, query, bytes.fromhex(begins), seconds)
     port = "tcp://127.0.0.1:6000" if "tcp" in query else f"fake://{family}"
-    with mock.patch.object(connection.Connection, "_open", lambda *_: link):
+    with mock.patch.object(open_links.Connection, "_open", lambda *_: link):
         result = run(family, *words, "-y", "--json", "-p", port)
     return result, [hexed(data) for data, at in zip(link.sent, link.sent_at, strict=True) if at > link.since]
 

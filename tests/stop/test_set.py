@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from unittest import mock
 
-from handctl.command import connection
+from handctl.command import open_links
 from handctl.link import Deadline, open_link
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
@@ -33,7 +33,7 @@ class Pressed(RecordedLink):
 def pressed(family: str, begin: str, words: Sequence[str]) -> tuple[Result, list[str]]:
     """The command with Ctrl-C behind that frame; its end, and the writing frames from that one on."""
     link = Pressed(family, begin)
-    with mock.patch.object(connection.Connection, "_open", lambda *_: link):
+    with mock.patch.object(open_links.Connection, "_open", lambda *_: link):
         result = run(family, *words, "-y", "--json", "-p", f"fake://{family}")
     assert link.pressed, result
     return result, changing(link.sent)

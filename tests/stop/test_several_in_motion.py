@@ -22,7 +22,7 @@ import pytest
 import handctl
 from handctl import interrupts
 from handctl.command.command_lines import ScriptLine
-from handctl.command.connection import Connection, Session
+from handctl.command.open_links import Connection, Session
 from handctl.errors import STOPPED, Interrupted, LinkError, UsageError
 from handctl.link import deadman, open_link, port_users
 from handctl.link.fake import FakeLink

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from handctl.command import connection
-from handctl.command.connection import Session
+from handctl.command import open_links
+from handctl.command.open_links import Session
 from handctl.link import Link, open_link
 from handctl.link.device_lock import hold
 from handctl.system import clock
@@ -47,7 +47,7 @@ class Port:
 @pytest.fixture
 def port(monkeypatch: pytest.MonkeyPatch) -> Port:
     found = Port()
-    monkeypatch.setattr(connection, "open_link", found.open)
+    monkeypatch.setattr(open_links, "open_link", found.open)
     return found
 
 

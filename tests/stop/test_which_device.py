@@ -13,10 +13,10 @@ from typing import Any, cast
 
 import pytest
 
-from handctl.command import connection, several_devices
+from handctl.command import open_links, several_devices
 from handctl.command.config_file import read_config
 from handctl.command.family import load
-from handctl.command.invocation import Invocation
+from handctl.command.settings_and_checks import Invocation
 from handctl.devices.barrett import state_files
 from handctl.errors import STOPPED, UsageError
 from handctl.families import FAMILIES
@@ -83,7 +83,7 @@ def on_line(bench: Bench, monkeypatch: pytest.MonkeyPatch, **devices: str) -> No
         link.name = name
         return link
 
-    monkeypatch.setattr("handctl.command.connection.open_link", opened)
+    monkeypatch.setattr("handctl.command.open_links.open_link", opened)
     monkeypatch.setattr("handctl.tools.stop.open_link", opened)
 
 
@@ -340,8 +340,8 @@ def test_what_was_driven_through_an_adapter_is_stopped_through_it(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.there, opened = "wrist?bus=can&id=3&", list[str]()
-    can, opens = f"can:slcan:{PORT}", connection.open_link
-    monkeypatch.setattr(connection, "open_link", lambda name, **options: opened.append(name) or opens(name, **options))
+    can, opens = f"can:slcan:{PORT}", open_links.open_link
+    monkeypatch.setattr(open_links, "open_link", lambda name, **options: opened.append(name) or opens(name, **options))
     for words in (("stop",), ("wrist", "stop")):
         assert run(*WRIST, "--id", "3", "-p", can).code == 0
         opened.clear()

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import pytest
 
-from handctl.command import connection
+from handctl.command import open_links
 from handctl.command.run import Run
 from handctl.families import FAMILIES
 from handctl.link import Deadline, Link, device_lock
@@ -233,7 +233,7 @@ def test_a_device_that_is_there_instead_does_not_wait_for_the_stop_of_the_last_o
     bench.there = f"{before}?"
     assert run(before, "status", "-p", PORT).code in (0, 7)
     bench.there = f"{there}?"
-    sent, opened = list[tuple[float, bytes]](), connection.open_link
+    sent, opened = list[tuple[float, bytes]](), open_links.open_link
 
     def noted(name: str, **options: Any) -> Link:
         link: Any = opened(name, **options)
@@ -246,7 +246,7 @@ def test_a_device_that_is_there_instead_does_not_wait_for_the_stop_of_the_last_o
         link.write = written
         return link  # type: ignore[no-any-return]
 
-    monkeypatch.setattr(connection, "open_link", noted)
+    monkeypatch.setattr(open_links, "open_link", noted)
     result = run("stop", "-p", PORT, "--json")
     assert result.code == 0 and result.json["device"]["kind"] == there, result
     begin = bytes.fromhex(first) if there != "wrist" else bytes.fromhex("31 0E")

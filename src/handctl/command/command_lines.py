@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
 import click
 
 from handctl.command.command_tree import Command, NoCommand, root
-from handctl.command.connection import Session
 from handctl.command.envelope import from_click
-from handctl.command.invocation import check_before, resolve
+from handctl.command.open_links import Session
 from handctl.command.options import COMMAND_LINE, SECONDS, command_line, words_of
 from handctl.command.run import Asked, PlannedAction, Run
+from handctl.command.settings_and_checks import check_before, resolve
 from handctl.errors import HandctlError, UsageError
 from handctl.files import refuse_controls
 from handctl.model.prompts import Prompts

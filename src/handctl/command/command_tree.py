@@ -121,7 +121,7 @@ class Described(click.Command):
     def refused(self) -> frozenset[str]:
         """Common options that this command cannot use, by key; "" means all options of the link.
 
-        Who gives one all the same is told why (`command.invocation`, `command_tree.Command`).
+        Who gives one all the same is told why (`command.settings_and_checks`, `command_tree.Command`).
         """
         keys = set() if self.writes else {"dry_run", "yes", "history"}
         if not self.writes and self.family is None:
@@ -273,8 +273,8 @@ class Command(Described):
         if (taken := command_line(ctx).taken) is not None:
             taken(ctx)
             return
-        from handctl.command.invocation import resolve
         from handctl.command.run import Run
+        from handctl.command.settings_and_checks import resolve
 
         run = Run(ctx, resolve(ctx, self.wires, urgent=self.stops), self.family)
         if not gc.isenabled():  # see `cli.main`; no loop is held up by a look through what was imported

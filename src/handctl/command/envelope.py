@@ -20,7 +20,7 @@ from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
 
 if TYPE_CHECKING:
-    from handctl.command.invocation import Invocation
+    from handctl.command.settings_and_checks import Invocation
     from handctl.link import Link
 
 

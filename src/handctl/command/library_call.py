@@ -18,17 +18,17 @@ import click
 
 from handctl.command.command_tree import Command
 from handctl.command.envelope import explained_error, from_click
-from handctl.command.invocation import told
 from handctl.command.options import COMMAND_LINE, command_line
 from handctl.command.run import Run, plan_table
+from handctl.command.settings_and_checks import told
 from handctl.errors import STOPPED, HandctlError, Interrupted, UsageError
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, Row
 from handctl.model.stop_on_interrupt import NOT_STOPPED, ended_by_interrupt
 
 if TYPE_CHECKING:
-    from handctl.command.connection import Session
     from handctl.command.family import Family
+    from handctl.command.open_links import Session
     from handctl.model.command_settings import Settings
     from handctl.model.param import Changes, Step
 

@@ -1,6 +1,6 @@
 """The options: those that every command, group and the root accept, those that several commands share, and what types their values have.
 
-The level nearest the verb wins; `command.invocation.resolve` adds the environment and the configuration file.
+The level nearest the verb wins; `command.settings_and_checks.resolve` adds the environment and the configuration file.
 """
 
 from __future__ import annotations

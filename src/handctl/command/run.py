@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from handctl.command.connection import Connection, Session
 from handctl.command.envelope import (
     device_row,
     explained_error,
@@ -27,8 +26,9 @@ from handctl.command.envelope import (
     with_cause,
 )
 from handctl.command.family import Family, implied
-from handctl.command.invocation import Invocation, check_before, shown_steps, tell_unasked, told, unsent
+from handctl.command.open_links import Connection, Session
 from handctl.command.options import FACTS
+from handctl.command.settings_and_checks import Invocation, check_before, shown_steps, tell_unasked, told, unsent
 from handctl.command.terminal_prompts import print_message, print_writes
 from handctl.errors import OTHER_DEVICE, HandctlError, Interrupted, NotConfirmed, OutputError, joined
 from handctl.interrupts import device_done, end_on_signals, finish_on_signals, output_abandoned

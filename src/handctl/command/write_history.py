@@ -25,7 +25,7 @@ from handctl.wording import utc
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from handctl.command.invocation import Invocation
+    from handctl.command.settings_and_checks import Invocation
     from handctl.errors import HandctlError
 
 DEVICES, ALL, OFF = HISTORY

@@ -35,7 +35,7 @@ from handctl.model.stop_sequence import (
 from handctl.system import signals
 
 if TYPE_CHECKING:
-    from handctl.command.invocation import Invocation
+    from handctl.command.settings_and_checks import Invocation
     from handctl.link import Deadline, Link
     from handctl.link.device_lock import Lock, Reached
     from handctl.model.write_ledger import Addressee

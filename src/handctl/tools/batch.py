@@ -18,10 +18,10 @@ from handctl.command.command_lines import (
     with_line_number,
 )
 from handctl.command.command_tree import Command
-from handctl.command.connection import Session
-from handctl.command.invocation import shown_steps, unsent
+from handctl.command.open_links import Session
 from handctl.command.options import InFile
 from handctl.command.run import Asked, Run
+from handctl.command.settings_and_checks import shown_steps, unsent
 from handctl.command.terminal_prompts import print_message
 from handctl.errors import HandctlError, Hint, Interrupted, NotConfirmed, UsageError, joined, says_nothing_new
 from handctl.files import BYTE_ORDER_MARK, atomic_write, read_text, text_lines, writing

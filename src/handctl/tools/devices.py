@@ -18,9 +18,9 @@ from handctl.command.command_tree import Group
 from handctl.command.config_edit import stable_name
 from handctl.command.config_file import DEVICE_KEYS, Config, Device, check_name, read_config
 from handctl.command.family import Family
-from handctl.command.invocation import refuse_serial, resolve
 from handctl.command.options import COMMAND_LINE, InFile, Source, command_line, own_options, refuse_lacking
 from handctl.command.run import Run
+from handctl.command.settings_and_checks import refuse_serial, resolve
 from handctl.errors import Hint, UsageError
 from handctl.families import FAMILIES, WIRES
 from handctl.files import BYTE_ORDER_MARK, read_text, text_lines

@@ -11,8 +11,8 @@ import click
 
 from handctl.command.command_lines import UNFINISHED, options_for_lines, parse_line, split_line
 from handctl.command.command_tree import ALONE, Command, root
-from handctl.command.connection import Session
 from handctl.command.family import load, map_of
+from handctl.command.open_links import Session
 from handctl.command.run import Run
 from handctl.command.terminal_prompts import is_terminal, print_message
 from handctl.errors import HandctlError, Hint, UsageError, says_nothing_new

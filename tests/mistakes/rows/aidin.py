@@ -60,7 +60,7 @@ ROWS = (
     mistake(
         "aidin-noise-before-the-movement-forgotten",
         "evidence believed",
-        "handctl.devices.aidin.exchange",
+        "handctl.devices.aidin.conversation",
         "Conversation.guarded",
         "self.guard = FeedbackGuard(self.live, self.feedback_at, self._good_of(ALL))",
         "self.guard = FeedbackGuard(None, self.feedback_at, self._good_of(ALL))",
@@ -69,7 +69,7 @@ ROWS = (
     mistake(
         "aidin-driven-on-frozen-feedback",
         "evidence believed",
-        "handctl.devices.aidin.exchange",
+        "handctl.devices.aidin.conversation",
         "Conversation.guarded",
         "self.guard.check_frozen(self.link.name, self.feedback_at)",
         "pass",
@@ -239,7 +239,7 @@ ROWS = (
     mistake(
         "an-object-that-was-cut-off-told-as-a-firmware",
         "evidence believed",
-        "handctl.devices.aidin.exchange",
+        "handctl.devices.aidin.conversation",
         "Conversation._note_bad",
         "self._cut = self._cut or exc.cut",
         "pass",
@@ -332,7 +332,7 @@ ROWS = (
     mistake(
         "aidin-moves-on-without-sight",
         "stale input believed",
-        "handctl.devices.aidin.exchange",
+        "handctl.devices.aidin.conversation",
         "Conversation.check_sight",
         "if missing or self.feedback.wrong[key] >= CYCLES:",
         "if missing:",
@@ -413,7 +413,7 @@ ROWS = (
     mistake(
         "aidin-log-passes-over-what-came-at-once",
         "swallowed error",
-        "handctl.devices.aidin.exchange",
+        "handctl.devices.aidin.conversation",
         "Conversation.refresh",
         "elif follows:",
         "elif not follows:",

@@ -3,7 +3,7 @@
 from tests.mistakes.table import mistake
 
 BATCH = "handctl.command.command_lines"
-SESSION = "handctl.command.connection"
+SESSION = "handctl.command.open_links"
 
 ROWS = (
     mistake(
@@ -27,7 +27,7 @@ ROWS = (
     mistake(
         "batch-says-nothing-of-a-stop-while-it-sleeps",
         "false message",
-        "handctl.command.connection",
+        "handctl.command.open_links",
         "Session.sleep",
         "raise self.stopped(journal) or exc from None",
         "raise exc from None",
@@ -162,7 +162,7 @@ ROWS = (
     mistake(
         "batch-leaves-the-hand-moving",
         "stop not sent",
-        "handctl.command.connection",
+        "handctl.command.open_links",
         "Session._note_movement",
         "self.in_motion.append(Mover(run, connection.name, plan, connection.link))",
         "pass",

@@ -405,7 +405,7 @@ ROWS = (
     mistake(
         "recording-replaced-by-its-picture",
         "output half written",
-        "handctl.command.invocation",
+        "handctl.command.settings_and_checks",
         "files_of",
         "for path in given if isinstance(given, tuple) else (given,):",
         "for path in () if isinstance(given, tuple) else (given,):",

@@ -176,7 +176,7 @@ ROWS = (
     mistake(
         "facts-of-another-family-are-used",
         "another device",
-        "handctl.command.invocation",
+        "handctl.command.settings_and_checks",
         "_take_facts",
         'if family is not None and family.kind != content["family"]:',
         "if family is not None and family.kind is None:",

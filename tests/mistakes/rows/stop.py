@@ -15,7 +15,7 @@ SEVERAL = "tests/stop/test_several_in_motion.py::test_"
 LOST = "tests/stop/test_lost_port.py::test_"
 LOST_PORT = f"{LOST}the_stop_goes_out_over_a_port_that_comes_back"
 LEFT = f"{LOST}what_an_earlier_line_has_left_moving_is_stopped_over_a_port_that_comes_back"
-SESSION = "handctl.command.connection"
+SESSION = "handctl.command.open_links"
 LOST_CAN = "tests/link/test_can_lost.py::test_"
 CAN = "handctl.link.can"
 LIBRARY = "handctl.command.library_call"
@@ -61,7 +61,7 @@ ROWS = (
     mistake(
         "stop-of-a-simulator-in-place-of-the-device",
         OTHER,
-        "handctl.command.invocation",
+        "handctl.command.settings_and_checks",
         "_take_environment",
         'del found["HANDCTL_FAKE"]  # a simulator needs no stop',
         "pass",
@@ -382,7 +382,7 @@ ROWS = (
     mistake(
         "raw-bytes-are-guarded-for-the-device-of-the-command",
         OTHER,
-        "handctl.command.connection",
+        "handctl.command.open_links",
         "Session._guard",
         "for plan in run.opened.stop_plans(None, *run.journal.ledger.meant):",
         "for plan in run.opened.stop_plans(None):",
@@ -720,7 +720,7 @@ ROWS = (
     mistake(
         "shell-and-batch-die-unguarded",
         "stop not sent",
-        "handctl.command.connection",
+        "handctl.command.open_links",
         "Session.connection",
         "run.journal.set_going = partial(self._guard, known, run)",
         "run.journal.set_going = None",
@@ -1148,7 +1148,7 @@ ROWS = (
     mistake(
         "session-remembers-the-last-device-of-a-link-only",
         "stop not sent",
-        "handctl.command.connection",
+        "handctl.command.open_links",
         "Session._forget",
         "self.in_motion[:] = [mover for mover in self.in_motion if (mover.link, mover.plan.device) != (name, device)]",
         "self.in_motion[:] = [mover for mover in self.in_motion if mover.link != name]",
@@ -1212,7 +1212,7 @@ ROWS = (
     mistake(
         "guard-is-lost-where-the-link-is-opened-again",
         "stop not sent",
-        "handctl.command.connection",
+        "handctl.command.open_links",
         "Session.watch_over",
         "self._guard_with(connection, mover.plan_on(connection.link), run.journal)",
         "pass",

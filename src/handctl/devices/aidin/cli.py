@@ -13,8 +13,8 @@ from handctl.command.expect import expect, expected
 from handctl.command.family import Family
 from handctl.command.options import NEGATIVE_NUMBERS, FiniteRange, suspendable
 from handctl.command.run import PlannedAction, Run
+from handctl.devices.aidin.conversation import Conversation
 from handctl.devices.aidin.device import AidinHand, object_of, step_of
-from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import exchange_settings_of
 from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, CURRENTS, ENCODERS, TIPS, Mode, Target
 from handctl.errors import Hint, UsageError

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 
-from handctl.devices.aidin.exchange import MISSING, Conversation, Wire, number_of
+from handctl.devices.aidin.conversation import MISSING, Conversation, Wire, number_of
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback_guard import NO_NOISE, OBJECTS, OLD
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, Out, encode

@@ -19,6 +19,15 @@ if TYPE_CHECKING:
 
 PERIOD = 0.02
 """Seconds between two objects that are sent."""
+FIRST_ANSWER_SECONDS, ANSWER_SECONDS, STREAM_SECONDS = 0.5, 0.2, 1.0
+"""After so much silence without --timeout the first answer to an empty object is missing; each later one; the next object of a stream."""
+LISTEN = 0.3
+SETTLE = 0.03
+"""Seconds after an answer in which the other keys may follow in objects of their own."""
+QUICK = 0.1 + SETTLE
+"""An answer to an empty object is there by then; what comes later may be the next object of a slow stream."""
+SLOWEST = 1.2
+"""Seconds of listening, with nothing asked, in which a stream of 1 Hz shows itself."""
 COMMANDS = frozenset(param.key.lower() for param in AIDIN if not param.readable)
 
 
@@ -49,7 +58,7 @@ FIND_OUT = ExchangeSettings()
 
 
 def exchange_settings_of(settings: Settings) -> ExchangeSettings:
-    """The Way of --exchange, --poll-json and --tx-terminator. Raises UsageError for what does not fit together."""
+    """What --exchange, --poll-json and --tx-terminator say. Raises UsageError for what does not fit together."""
     exchange = ExchangeMode(settings.own.get("exchange") or "auto")
     text = settings.own.get("poll_json")
     if text is not None and exchange in (ExchangeMode.STREAM, ExchangeMode.COMMAND):
@@ -111,15 +120,15 @@ def _keys(content: object, depth: int = 0) -> set[str]:
 
 LISTENED, ASKED, AGAIN, DOUBTED = "listened", "asked", "again", "doubted"
 STATES = {
-    LISTENED: "connected: listen for 0.3 s, or with `--exchange stream` for 1 s or --timeout. An object that has begun may finish",
+    LISTENED: f"connected: listen for {LISTEN:g} s, or with `--exchange stream` for {STREAM_SECONDS:g} s or --timeout. An object that has begun may finish",
     ASKED: "the empty object, or the one in `--poll-json`, has been sent. `--exchange poll` starts here",
     AGAIN: "it has been sent once more. Skipped with `--retries 0`",
-    DOUBTED: "the reply may be the next object of a slow stream: listen for 1.2 s and send nothing",
+    DOUBTED: f"the reply may be the next object of a slow stream: listen for {SLOWEST:g} s and send nothing",
 }
 FEEDBACK, LATE, DAMAGED, OTHER, NOTHING = "feedback", "late", "damaged", "other", "nothing"
 SEEN = {
     FEEDBACK: "an object with feedback keys",
-    LATE: "the same, but more than 0.13 s after the request. Only with `--exchange auto`",
+    LATE: f"the same, but more than {QUICK:g} s after the request. Only with `--exchange auto`",
     DAMAGED: "bytes that are not a JSON object or, before the first request, half an object",
     OTHER: "objects that are not feedback, or an echo of the request",
     NOTHING: "silence",

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
+from handctl.devices.aidin.conversation import Feedback, Wire
 from handctl.devices.aidin.device import (
     LEFT_HINT,
     AidinHand,
@@ -22,7 +23,6 @@ from handctl.devices.aidin.device import (
     stopped_if_cut_short,
     stopped_on_error,
 )
-from handctl.devices.aidin.exchange import Feedback, Wire
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
 from handctl.devices.aidin.parameter_map import AIDIN, MOTOR_POS, STILL, AidinParam, Mode, moving, stroke

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from math import ceil, degrees, isfinite, radians
 
+from handctl.devices.aidin.conversation import Feedback, Wire, values_of
 from handctl.devices.aidin.device import (
     NO_ANGLE,
     AidinHand,
@@ -25,7 +26,6 @@ from handctl.devices.aidin.device import (
     stopped_if_cut_short,
     stopped_on_error,
 )
-from handctl.devices.aidin.exchange import Feedback, Wire, values_of
 from handctl.devices.aidin.exchange_settings import PERIOD
 from handctl.devices.aidin.feedback_guard import ImplausibleFeedback
 from handctl.devices.aidin.homing_and_bias import MAX_TORQUE_SECONDS, check_homed, connect_or_command, named

@@ -15,8 +15,8 @@ from operator import sub
 from statistics import fmean, median, pstdev
 
 from handctl.devices.aidin import motion
+from handctl.devices.aidin.conversation import Wire, values_of
 from handctl.devices.aidin.device import AidinHand, step_of, stopped_if_cut_short, stopped_on_error
-from handctl.devices.aidin.exchange import Wire, values_of
 from handctl.devices.aidin.exchange_settings import PERIOD, ExchangeMode
 from handctl.devices.aidin.homing_and_bias import AT_STOP, check_homed, named
 from handctl.devices.aidin.motion import PUSHING, Goal, ramp

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from handctl.devices.aidin.conversation import Conversation
 from handctl.devices.aidin.device import AidinHand
-from handctl.devices.aidin.exchange import Conversation
 from handctl.devices.aidin.exchange_settings import ExchangeMode
 from handctl.devices.aidin.remedies import REMEDIES
 from handctl.link import ByteLink, Deadline

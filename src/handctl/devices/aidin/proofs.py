@@ -11,9 +11,9 @@ from itertools import pairwise
 from statistics import median
 
 from handctl.devices.aidin import homing_and_bias, motion
+from handctl.devices.aidin.conversation import ALL
 from handctl.devices.aidin.device import AidinHand
-from handctl.devices.aidin.exchange import ALL, LISTEN
-from handctl.devices.aidin.exchange_settings import ExchangeMode
+from handctl.devices.aidin.exchange_settings import LISTEN, ExchangeMode
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder
 from handctl.devices.aidin.parameter_map import AIDIN, ANGLES, ENCODERS, Target
 from handctl.errors import CheckFailed, NoAnswer, ProtocolError

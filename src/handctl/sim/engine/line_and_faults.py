@@ -2,7 +2,7 @@
 
 Generic: knows bytes, replies and time, no protocol. Both directions are independent (full duplex), one byte is 10 bits
 (start, 8 data, stop; exo §2.1). Nothing here sleeps: the driver calls `advance(now)`, then `feed` and `take`, and asks
-`next_event` how long it may sleep. What is not of bytes alone (`Cable`) is that of a CAN bus too (can.py).
+`next_event` how long it may sleep. What is not of bytes alone (`Cable`) is that of a CAN bus too (can_line.py).
 """
 
 from __future__ import annotations

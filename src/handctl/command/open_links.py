@@ -18,7 +18,7 @@ from handctl.link import open_link
 from handctl.system import clock
 
 if TYPE_CHECKING:
-    from handctl.command.invocation import Invocation
+    from handctl.command.settings_and_checks import Invocation
     from handctl.link import Link
     from handctl.link.fake import Kept
     from handctl.link.transcript import TraceFile

@@ -13,7 +13,19 @@ from math import inf
 from typing import Any
 
 from handctl.devices.aidin import exchange_settings as table
-from handctl.devices.aidin.exchange_settings import FIND_OUT, PERIOD, ExchangeMode, ExchangeSettings
+from handctl.devices.aidin.exchange_settings import (
+    ANSWER_SECONDS,
+    FIND_OUT,
+    FIRST_ANSWER_SECONDS,
+    LISTEN,
+    PERIOD,
+    QUICK,
+    SETTLE,
+    SLOWEST,
+    STREAM_SECONDS,
+    ExchangeMode,
+    ExchangeSettings,
+)
 from handctl.devices.aidin.feedback_guard import FeedbackGuard, Liveness
 from handctl.devices.aidin.json_codec import RECORD_BYTES, Decoder, MalformedObject, WrongNumbers, numbers
 from handctl.devices.aidin.parameter_map import FEEDBACK, AidinParam
@@ -142,25 +154,15 @@ def _spelled(where: str, text: str, why: ProtocolError) -> ProtocolError:
 # -- feedback: the newest value of every key, or why it was rejected --------------------------------------------------
 
 
-LISTEN = 0.3
 LISTEN_MORE = 1.0
 """Seconds for the next bytes, once anything at all has come."""
 LISTEN_LONGEST = 4.0
-QUICK = 0.1
-"""An answer to an empty object is there by then; what comes later may be the next object of a slow stream."""
-SLOWEST = 1.2
-"""Seconds of listening, with nothing asked, in which a stream of 1 Hz shows itself."""
-FIRST_POLL = 0.5
-POLL = 0.2
-SETTLE = 0.03
-"""Seconds after an answer in which the other keys may follow in objects of their own."""
 CYCLES = 3
 """A key that is missing or wrong so many times running is given up."""
 
 
 WATCHED = 1.2
 """Seconds in which feedback that has frozen shows itself (see `Liveness.frozen`)."""
-SILENCE = 1.0
 WRITE_SECONDS = 1.0
 BAD_IN_A_ROW = 3
 MOST_UNKNOWN, LONGEST_NAME = 20, 40
@@ -172,7 +174,7 @@ KEPT, SHOWN = 1024, 64
 class Conversation(Line):
     """What is said over one connection, and what has come, merged.
 
-    timeout   seconds of silence allowed; None = 1 s of a stream, 0.2 s for the answer to a poll
+    timeout   seconds of silence allowed; None = STREAM_SECONDS, or ANSWER_SECONDS for the answer to a poll
     retries   polls repeated without an answer
     way       what is said about how the hand speaks; `exchange` is what is known of it by now
     """
@@ -197,7 +199,7 @@ class Conversation(Line):
         """What watches the feedback while the hand is driven."""
         self._shown: tuple[str, ...] = ()  # the keys of which `feedback` was shown
         self._fresh = False  # what `connect` heard has not lain in the input
-        self._patience = self.timeout or SILENCE
+        self._patience = self.timeout or STREAM_SECONDS
         self._silence = self._patience  # of a stream, longer for a slow one
         self._strange = b""  # the first object that is neither feedback nor ours
         self._since = b""  # what has come since the last feedback and is none
@@ -258,9 +260,9 @@ class Conversation(Line):
             self._fresh = self.way.exchange is ExchangeMode.UNKNOWN  # else nobody has looked into the input before
             asked = self.link.now()
             self.send(self.way.poll)
-            if self._answer(self.timeout or FIRST_POLL):
+            if self._answer(self.timeout or FIRST_ANSWER_SECONDS):
                 self.exchange = ExchangeMode.POLL
-                late = self.way.exchange is ExchangeMode.UNKNOWN and self.feedback_at - asked > QUICK + SETTLE
+                late = self.way.exchange is ExchangeMode.UNKNOWN and self.feedback_at - asked > QUICK
                 return table.LATE if late else table.FEEDBACK
             if self._junk:
                 return table.DAMAGED
@@ -377,7 +379,7 @@ class Conversation(Line):
     @property
     def poll_seconds(self) -> float:
         """How long the answer to a poll may take."""
-        return self.timeout or POLL
+        return self.timeout or ANSWER_SECONDS
 
     # -- who is there ----------------------------------------------------------------------------------------------
 
@@ -445,7 +447,7 @@ class Conversation(Line):
         self.journal.counters.writes += 1
         self.send(data)
         waits = self.exchange in (ExchangeMode.POLL, ExchangeMode.COMMAND)
-        answer = self.deadline(min(POLL, self.poll_seconds)) if waits else end
+        answer = self.deadline(min(ANSWER_SECONDS, self.poll_seconds)) if waits else end
         answered = False
         while not (answered and waits) and not answer.expired:
             answered = self._receive(answer) or answered
