@@ -95,3 +95,18 @@ def test_two_swapped_neighbours_are_always_understood() -> None:
             for at in range(len(name) - 1):
                 typed = name[:at] + name[at + 1] + name[at] + name[at + 2 :]
                 assert typed in commands or repr(name) in meant(typed, commands), (family, typed)
+
+
+@each_row(
+    ("typed", "hint"),
+    [
+        ("stop /dev/ttyUSB0", "Write `-p /dev/ttyUSB0`"),
+        ("exo status COM3", "Write `-p COM3`"),
+        ("hand stop tcp://10.0.0.5:6000", "Write `-p tcp://10.0.0.5:6000`"),
+        ("ekso log a.csv b.csv -p /dev/ttyUSB0", "`handctl ekso log -h`"),
+        ("exo dump -o /dev/ttyUSB0 more", "`handctl exo dump -h`"),
+    ],
+)
+def test_a_link_without_its_option_is_told_where_it_belongs(typed: str, hint: str) -> None:
+    result = run(*typed.split())
+    assert result.code == 2 and hint in result.err, result

@@ -59,7 +59,11 @@ def report_and_exit_code(ended: BaseException, args: Sequence[str]) -> int:
     except click.UsageError as exc:
         from handctl.command.envelope import from_click
 
+        from handctl.command.suggestions import bare_link
+
         error = from_click(exc)
+        if link := bare_link(args):
+            error.hint = f"write `-p {link}`"
         if exc.ctx is not None:
             streams = getattr(exc.ctx.command, "streams", False)
             extra = {"writes": []} if getattr(exc.ctx.command, "writes", False) else {}

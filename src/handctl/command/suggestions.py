@@ -4,6 +4,7 @@ does, and by spelling only if it is one typing mistake away or no command that r
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -12,6 +13,8 @@ import click
 from handctl.command.options import command_line
 from handctl.families import COMMANDS, FAMILIES
 from handctl.misspellings import near, slips
+
+LINK = re.compile(r"/dev/(tty|cu|serial|rfcomm)|COM\d+$|(can|usb|replay):|(tcp|fake|socket|rfc2217)://")
 
 SAME = (
     # what is typed, and which commands may be meant, the most likely first
@@ -112,6 +115,14 @@ def top(words: Sequence[str]) -> str:
     turned = [one for one in COMMANDS if sorted(one) == sorted(name.casefold())]  # the letters in another order
     vague = turned or get_close_matches(name, list(COMMANDS), n=2, cutoff=0.3)
     return f" Did you mean {' or '.join(map(repr, vague))}?" if vague else ""
+
+
+def bare_link(words: Sequence[str]) -> str:
+    """The first word that is a LINK and stands behind no option, where -p names none; "" if there is none."""
+    if any(word.startswith(("-p", "--port")) for word in words):
+        return ""
+    before = ("", *words)
+    return next((word for at, word in enumerate(words) if LINK.match(word) and not before[at].startswith("-")), "")
 
 
 def device_in(ctx: click.Context, later: Sequence[str]) -> str | None:
