@@ -182,10 +182,10 @@ def from_click(exc: click.UsageError) -> UsageError:
     if isinstance(exc, click.NoSuchOption) and (own := _of_other_commands(exc)):
         text, hint = f"No such option {exc.option_name!r}", own
     elif isinstance(exc, click.NoSuchOption):  # in the same words with each release of click
-        near = ", ".join(repr(name) for name in sorted(exc.possibilities or ()))
+        near = " or ".join(repr(name) for name in sorted(exc.possibilities or ()))
         text = f"No such option {exc.option_name!r}."
         if near:
-            text += f" Did you mean {near}?" if "," not in near else f" (Did you mean one of: {near}?)"
+            text += f" Did you mean {near}?"
     return UsageError(text, hint=hint)
 
 

@@ -58,7 +58,6 @@ def report_and_exit_code(ended: BaseException, args: Sequence[str]) -> int:
         return exc.exit_code
     except click.UsageError as exc:
         from handctl.command.envelope import from_click
-
         from handctl.command.suggestions import bare_link
 
         error = from_click(exc)
