@@ -22,7 +22,7 @@ from handctl.model.result import Journal, Row
 from handctl.sim.bus.wire_pair import resample
 from handctl.tools import scan, scan_report
 from handctl.tools.family_probe import probe_of
-from handctl.tools.scan_link import plan
+from handctl.tools.scan_link import asking_order
 from handctl.tools.scan_report import Step
 from tests.support import bus_file
 from tests.support.cli import Result, Simulator, run, sent
@@ -251,7 +251,7 @@ def test_behind_a_boot_monitor_nothing_else_is_sent(state: str, tmp_path: Path) 
 
 def test_order_on_tcp_and_can() -> None:
     every = list(SCAN_ORDER)
-    assert [step.family for step in plan("tcp", every, speeds=False)] == [
+    assert [step.family for step in asking_order("tcp", every, speeds=False)] == [
         "aidin",
         "ekso",
         "wrist",
@@ -259,10 +259,10 @@ def test_order_on_tcp_and_can() -> None:
         "barrett",
         "hand",
     ]
-    assert plan("tcp", every, speeds=False, port=6000)[0] == Step("hand", None)
-    assert plan("can", every, speeds=False) == [Step("wrist", None), Step("hand", None)]
-    assert plan("serial", ["barrett"], speeds=True)[:2] == [Step("barrett", 9600), Step("barrett", 38400)]
-    assert plan("serial", ["aidin"], speeds=True) == []
+    assert asking_order("tcp", every, speeds=False, port=6000)[0] == Step("hand", None)
+    assert asking_order("can", every, speeds=False) == [Step("wrist", None), Step("hand", None)]
+    assert asking_order("serial", ["barrett"], speeds=True)[:2] == [Step("barrett", 9600), Step("barrett", 38400)]
+    assert asking_order("serial", ["aidin"], speeds=True) == []
 
 
 @pytest.mark.real

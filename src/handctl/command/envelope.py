@@ -15,7 +15,7 @@ from handctl import __version__
 from handctl.errors import HandctlError, Hint, Interrupted, OutputError, UsageError, joined
 from handctl.families import FAMILIES
 from handctl.files import in_json
-from handctl.model.result import SCHEMA, Journal, Message
+from handctl.model.result import ENVELOPE_SCHEMA, Journal, Message
 from handctl.screen.sanitize import utf8_stdout
 from handctl.wording import sentence, utc
 
@@ -58,7 +58,7 @@ def make_envelope(
     if failure is not None:
         rows.append(Message("error", failure.code, failure.text, failure.hint).as_row())
     return {
-        "schema": SCHEMA,
+        "schema": ENVELOPE_SCHEMA,
         "version": __version__,
         "time": utc(int(time.time() if link is None else link.wall())),
         "command": command,

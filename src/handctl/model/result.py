@@ -211,7 +211,7 @@ class RoundTrips:
 
 # -- what a command returns -------------------------------------------------------------------------------------------
 
-SCHEMA = "handctl/1"
+ENVELOPE_SCHEMA = "handctl/1"
 
 Row = dict[str, Any]
 PARTS = ("finger", "motor", "element")

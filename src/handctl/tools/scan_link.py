@@ -55,7 +55,7 @@ class LinkScan:
     def at(self, wire: str, families: Sequence[str]) -> None:
         """Listen, then ask every family: at each speed once, and once more with patience where something came too late."""
         link, search = self._link, self._search
-        steps = plan(
+        steps = asking_order(
             wire, families, has_speed(link) and wire == "serial", port_of(link.name) if wire == "tcp" else None
         )
         self._families = families
@@ -260,7 +260,7 @@ class LinkScan:
 # -- in which order the families are asked on a kind of link -----------------------------------------------------------
 
 
-def plan(wire: str, families: Sequence[str], speeds: bool, port: int | None = None) -> list[Step]:
+def asking_order(wire: str, families: Sequence[str], speeds: bool, port: int | None = None) -> list[Step]:
     """Which probes, in which order, on a kind of link; without `speeds` each family once, at the link's own.
 
     `port` is that of a TCP link: whose own it is comes first.
