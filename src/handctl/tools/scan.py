@@ -40,7 +40,7 @@ from handctl.model.result import Journal, Table
 from handctl.system import clock
 from handctl.tools.family_probe import probe_of, set_speed, usual_ports, wire_of
 from handctl.tools.port_inventory import Machine
-from handctl.tools.scan_link import LinkScan, plan
+from handctl.tools.scan_link import LinkScan, asking_order
 from handctl.tools.scan_report import Search, report
 
 LONG = 1800.0
@@ -171,7 +171,7 @@ class Scan:
         """All probes on one link until a device answers. What ends it early is in the Search."""
         search = Search(name)
         wire = wire_of(name)
-        if not plan(wire, self._families, speeds=False):
+        if not asking_order(wire, self._families, speeds=False):
             text = f"{name}: {' and '.join(self._families)} cannot be on {WIRE_NAMES[wire]}"
             search.error = UsageError(text, hint="use another LINK, or leave out --family")
             return search

@@ -162,13 +162,15 @@ def _missed(stopped: Table) -> bool:
 
 def _silent_families(run: Run, link: str) -> list[str]:
     """The families whose device may be behind this LINK, and move, although no question finds it."""
-    from handctl.tools.scan_link import plan, port_of
+    from handctl.tools.scan_link import asking_order, port_of
 
     if link.startswith(("fake://", "replay:")) or run.settings.dry_run:
         return []
     wire = wire_of(link)
     silent = [family for family in SCAN_ORDER if FAMILIES[family].silent]
-    return [step.family for step in plan(wire, silent, speeds=False, port=port_of(link) if wire == "tcp" else None)]
+    return [
+        step.family for step in asking_order(wire, silent, speeds=False, port=port_of(link) if wire == "tcp" else None)
+    ]
 
 
 def _unknown(link: str, kind: type[HandctlError], sent: str = "") -> HandctlError:
@@ -331,14 +333,14 @@ def _ids(run: Run) -> list[int]:
 
 def _asked(link: Link, wire: str, ids: list[int], journal: Journal) -> Row | None:
     """The first row of a scan's questions, each family at its usual speed."""
-    from handctl.tools.scan_link import plan, port_of
+    from handctl.tools.scan_link import asking_order, port_of
 
     speeds = has_speed(link) and wire == "serial"
     bound = link.deadline(SECONDS)
     done: set[str] = set()
     quiet = Journal()
     quiet.counters = journal.counters
-    for step in plan(wire, SCAN_ORDER, speeds, port_of(link.name) if wire == "tcp" else None):
+    for step in asking_order(wire, SCAN_ORDER, speeds, port_of(link.name) if wire == "tcp" else None):
         if step.family in done or bound.expired:
             continue
         done.add(step.family)

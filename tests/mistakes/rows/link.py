@@ -154,7 +154,7 @@ ROWS = (
         "scan-monitor-hears-ff",
         "boot trigger",
         "handctl.tools.scan_link",
-        "plan",
+        "asking_order",
         "if guard is not None:",
         "if guard is not None and port:",
         "tests/tools/test_scan.py::test_a_silent_port_gets_reads_only_in_the_documented_order",
