@@ -501,8 +501,8 @@ def test_ctrl_c_and_silence() -> None:
     with pytest.raises(NoAnswer) as caught:
         motion.move(hand, "", "C", None, Prompts())
     assert (caught.value.exit_code, caught.value.code) == (4, NOT_STOPPED)
-    assert doing(link) == ["C", "T"], "the motors keep their power only where ^C was answered"
-    assert set(link.sent[-10:-1]) == {ABORT}
+    assert doing(link) == ["C", "T", "T"], "the motors keep their power only where ^C was answered"
+    assert link.sent[-13:] == [*[ABORT] * 9, b"T\r", ABORT, ABORT, b"T\r"]
 
 
 def test_the_names_of_goals_exist() -> None:

@@ -14,9 +14,9 @@ from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, power_off
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts
-from handctl.model.stop_sequence import SILENCE, StopContext, Stopped, exchange_steps, writes_without_replies
+from handctl.model.stop_sequence import SILENCE, StopContext, Stopped, exchange_steps, run_stop, writes_without_replies
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
-from tests.barrett.support import ABORT, gcl, scripted
+from tests.barrett.support import ABORT, gcl, scripted, simulated
 from tests.support.cli import Result, Spy, run, spying
 from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
@@ -84,6 +84,17 @@ def test_a_hand_that_says_nothing_is_told_at_every_speed() -> None:
     assert all(str(speed) in text(result) for speed in SPEEDS), result
     assert "witch the power supply off" in result.error["hint"]
     assert not [row for row in result.json["writes"] if row["state"] == "confirmed"]
+
+
+@each_row("seconds", [place / 10 for place in range(12)])
+def test_a_hand_that_is_saving_is_asked_until_it_has_saved(seconds: float) -> None:
+    """It is deaf for 2.6 s, and its prompt at the end is no reply to T."""
+    _, link = simulated()
+    link.write(b"FSAVE\r", link.deadline(1))
+    link.sleep(seconds)
+    link.discard()
+    stopped = run_stop(link, power_off(StopContext(Settings(), speed=9600, fixed=True, proven=True)))
+    assert stopped.error is None and "T was acknowledged" in stopped.text, stopped
 
 
 @pytest.mark.parametrize("remembered", [None, 38400, 19200])

@@ -794,6 +794,15 @@ ROWS = (
         "tests/barrett/test_diagnose.py::test_the_forecast_of_heat_names_both_temperatures_in_degrees",
     ),
     mistake(
+        "stop-a-deaf-hand-is-given-up-during-a-save",
+        "stop sent once",
+        "handctl.devices.barrett.stopper",
+        "_power_off",
+        "there = others or context.proven or turns[-1].seen",
+        "there = others",
+        "tests/barrett/test_stop.py::test_a_hand_that_is_saving_is_asked_until_it_has_saved",
+    ),
+    mistake(
         "care-a-limit-that-burns-is-suggested",
         "harmful advice",
         "handctl.devices.barrett.maintenance.health_limits",

@@ -153,7 +153,8 @@ def _power_off(context: StopContext, prefix: str) -> Generator[StopStep, Pieces,
     for speed in others:
         if turns[-1].answer is None:
             turns.append((yield from _at(speed, prefix, (FIRST,), BRIEF, slow)))
-    if others and turns[-1].answer is None:  # a slow line, or a movement that took long to end
+    there = others or context.proven or turns[-1].seen
+    if there and turns[-1].answer is None:  # a slow line, or what took long to end: a movement, a save
         turns.append((yield from _at(context.speed, prefix, (BETWEEN, LAST), POWER_OFF, slow)))
     return _ending(command, turns), turns
 
