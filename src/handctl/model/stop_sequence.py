@@ -169,18 +169,23 @@ def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
     """The stop of a device of family `kind`, or of those that are `going` on its line."""
     if context.going:
         return _one_by_one((kind, context.number), context)
-    return _once_more(importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps, context)
+    return once_more(importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps, context)
 
 
-def _once_more(steps: Callable[[StopContext], StopSequence], context: StopContext) -> StopSequence:
-    """The stop of a family, and the same once more where the device goes on. It stays an error: who knows what it does next."""
+def once_more(steps: Callable[[StopContext], StopSequence], context: StopContext) -> StopSequence:
+    """The stop of a family, and the same once more where the device goes on: then its motors do not keep their power either."""
     stopped = yield from steps(context)
     if not stopped.goes_on:
         return stopped
-    again = yield from steps(context)
+    return sent_again(stopped, (yield from steps(context._replace(powered=False))))
+
+
+def sent_again(stopped: Stopped, again: Stopped) -> Stopped:
+    """The result of a stop behind which the device went on, and of the second one. It stays an error: who knows what it does next."""
     if again.goes_on:
         return again
-    stands = ", and now it stands still" if again.error is None else ""
+    # one that leaves a doubt tells itself what was seen
+    stands = ", and now it stands still" if again.error is None and not again.hint else ""
     return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"))
 
 

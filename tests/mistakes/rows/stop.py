@@ -20,6 +20,8 @@ LOST_CAN = "tests/link/test_can_lost.py::test_"
 CAN = "handctl.link.can"
 LIBRARY = "handctl.command.library_call"
 AGAIN = "return asked_again and access is not None and "
+ONCE_MORE = "tests/stop/test_once_more.py::test_the_whole_stop_goes_out_once_more"
+ONE_MOTOR = "tests/stop/test_once_more.py::test_each_way_sends_the_whole_stop_once_more"
 
 ROWS = (
     mistake(
@@ -235,10 +237,67 @@ ROWS = (
         "device-that-goes-on-is-left-alone",
         "stop not sent",
         "handctl.model.stop_sequence",
-        "_once_more",
+        "once_more",
         "if not stopped.goes_on:",
         "if True:",
         "tests/stop/test_standstill.py::test_a_device_that_goes_on_behind_its_acknowledgement_is_stopped_once_more",
+        ONCE_MORE,
+    ),
+    mistake(
+        "motors-of-a-device-that-went-on-keep-their-power",
+        "stop not sent",
+        "handctl.model.stop_sequence",
+        "once_more",
+        "return sent_again(stopped, (yield from steps(context._replace(powered=False))))",
+        "return sent_again(stopped, (yield from steps(context)))",
+        ONE_MOTOR,
+    ),
+    mistake(
+        "second-stop-makes-the-first-a-success",
+        "success without evidence",
+        "handctl.model.stop_sequence",
+        "sent_again",
+        "if again.goes_on:",
+        "if again.goes_on or again.error is None:",
+        ONCE_MORE,
+        ONE_MOTOR,
+    ),
+    mistake(
+        "second-stop-that-leaves-a-doubt-is-a-standstill",
+        "success without evidence",
+        "handctl.model.stop_sequence",
+        "sent_again",
+        'stands = ", and now it stands still" if again.error is None and not again.hint else ""',
+        'stands = ", and now it stands still" if again.error is None else ""',
+        ONCE_MORE,
+    ),
+    mistake(
+        "barrett-that-goes-on-behind-its-stop-is-left-alone",
+        "stop not sent",
+        "handctl.devices.barrett.stopper",
+        "power_off",
+        "return once_more(partial(stop_steps, prefix=prefix), context)",
+        "return stop_steps(context, prefix)",
+        ONCE_MORE,
+        ONE_MOTOR,
+    ),
+    mistake(
+        "barrett-that-goes-on-behind-realtime-is-left-alone",
+        "stop not sent",
+        "handctl.devices.barrett.realtime.enter_and_leave",
+        "Session._stand",
+        "elif looked.goes_on:",
+        "elif False:",
+        "tests/stop/test_once_more.py::test_behind_realtime_the_whole_stop_goes_out_once_more",
+    ),
+    mistake(
+        "barrett-that-was-found-and-goes-on-is-left-alone",
+        "stop not sent",
+        "handctl.devices.barrett.motion",
+        "find_and_power_off",
+        "again = run_stop(hand.link, stop_steps(hand.stop_context(), prefix), ledger=hand.journal.ledger)",
+        "again = stopped",
+        ONE_MOTOR,
     ),
     mistake(
         "vendors-library-is-believed-to-have-sent-nothing",

@@ -14,7 +14,7 @@ from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
-from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, stands
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, stands, stop_steps
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.fast_classes import fast_dataclass
 from handctl.model.movement import (
@@ -34,7 +34,7 @@ from handctl.model.movement import (
 from handctl.model.param import Reading, Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import FIND_WHO, Stopped, run_stop
+from handctl.model.stop_sequence import FIND_WHO, Stopped, run_stop, sent_again
 from handctl.number_parsing import number_in
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -418,8 +418,11 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
 
 
 def find_and_power_off(hand: BarrettHand, prefix: str) -> str:
-    """The same for a hand that did not reply where it was looked for first, and whether it stands still afterwards."""
+    """The same for a hand that did not reply where it was looked for first. If it moves on, it gets the whole stop once more."""
     text = power_off(hand, prefix)
     if moving := look_for_motion(hand.line):
-        raise DeviceRefused(f"{hand.link.name}: {text}. But it moves: {', '.join(moving)}", hint=FIND_WHO)
+        stopped = Stopped(f"{text}. But it moves: {', '.join(moving)}", FIND_WHO, DeviceRefused, goes_on=True)
+        again = run_stop(hand.link, stop_steps(hand.stop_context(), prefix), ledger=hand.journal.ledger)
+        stopped = sent_again(stopped, again)
+        raise DeviceRefused(f"{hand.link.name}: {stopped.text}", hint=stopped.hint)
     return text
