@@ -19,8 +19,18 @@ from handctl.devices.barrett import stopper as barrett
 from handctl.devices.barrett.device import BarrettHand
 from handctl.errors import DeviceRefused
 from handctl.families import FAMILIES
+from handctl.link import open_link
 from handctl.model import stop_sequence
-from handctl.model.stop_sequence import AGAIN, Stopped, StopPlan
+from handctl.model.command_settings import Settings
+from handctl.model.stop_sequence import (
+    AGAIN,
+    RunningStop,
+    Stopped,
+    StopPlan,
+    TwoParts,
+    context_for_link,
+    stop_sequence_of,
+)
 from handctl.stop.stop_listener import STOP_SECONDS
 from tests.barrett.support import simulated
 from tests.contract.facts import facts_of, passed
@@ -183,6 +193,30 @@ def test_the_whole_stop_goes_out_once_more(family: str, tmp_path: Path) -> None:
         assert (result.code, result.error["code"]) == (6, "refused"), (row, result)
         assert "does not obey" in result.error["text"] and "now it stands" not in result.error["text"], (row, result)
         assert took < min(2 * seconds + 1.0, STOP_SECONDS), (row, took, seconds)
+
+
+@pytest.mark.parametrize("family", sorted({row.family for row in ROWS}))
+def test_a_deadline_that_ends_the_second_stop_leaves_what_the_first_one_has_seen(family: str, tmp_path: Path) -> None:
+    """By the family's command, and by the one that finds the family. Whether the second one went out is not said."""
+    for row in [row for row in ROWS if row.family == family]:
+        _, _, first = alone(row, NEVER, tmp_path / "t.txt")
+        _, _, both = stopped(row, NEVER, tmp_path / "t.txt")
+        within = (first + both) / 2
+        link = f"fake://{family}?clock=virtual&{row.options}"
+        for words in [(family, *row.words.split()), *[("stop",)] * (row.words == "stop")]:
+            with spying(going_on(row, NEVER)) as spy:
+                result = run(*words, "-p", link, "--json", "--deadline", str(within))
+            assert (result.code, spy.now <= within + 0.1) == (6, True), (row, words, result)
+            text = result.error["text"]
+            assert "does not obey" in text and "deadline passed" in text and AGAIN not in text, (row, words, text)
+
+
+def test_a_stop_that_may_pause_passes_its_deadline_on() -> None:
+    with spying(going_on(ROWS[0], NEVER)):
+        link = open_link("fake://exo?clock=virtual")
+        sequence = TwoParts(partial(stop_sequence_of, "exo"))(context_for_link(link, Settings()))
+        result = RunningStop(link, sequence, until=link.deadline(1.8)).finish()
+    assert (result.error, result.goes_on, AGAIN in result.text) == (DeviceRefused, True, False), result
 
 
 # -- the other ways of a BarrettHand, which has a stop for single motors ---------------------------------------------------

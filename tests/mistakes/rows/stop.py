@@ -21,6 +21,7 @@ CAN = "handctl.link.can"
 LIBRARY = "handctl.command.library_call"
 AGAIN = "return asked_again and access is not None and "
 ONCE_MORE = "tests/stop/test_once_more.py::test_the_whole_stop_goes_out_once_more"
+LATE = "tests/stop/test_once_more.py::test_a_deadline_that_ends_the_second_stop_leaves_what_the_first_one_has_seen"
 ONE_MOTOR = "tests/stop/test_once_more.py::test_each_way_sends_the_whole_stop_once_more"
 
 ROWS = (
@@ -248,9 +249,27 @@ ROWS = (
         "stop not sent",
         "handctl.model.stop_sequence",
         "once_more",
-        "return sent_again(stopped, (yield from steps(context._replace(powered=False))))",
-        "return sent_again(stopped, (yield from steps(context)))",
+        "again = yield from steps(context._replace(powered=False))",
+        "again = yield from steps(context)",
         ONE_MOTOR,
+    ),
+    mistake(
+        "deadline-of-a-second-stop-hides-what-the-first-has-seen",
+        "wrong exit code",
+        "handctl.model.stop_sequence",
+        "StopExchange._cut_off",
+        "self._sequence.throw(TooLate())",
+        "pass",
+        LATE,
+    ),
+    mistake(
+        "deadline-of-a-second-stop-by-whoever-is-there-hides-what-the-first-has-seen",
+        "wrong exit code",
+        "handctl.model.stop_sequence",
+        "TwoParts._steps",
+        "rest.throw(late)",
+        "pass",
+        "tests/stop/test_once_more.py::test_a_stop_that_may_pause_passes_its_deadline_on",
     ),
     mistake(
         "second-stop-makes-the-first-a-success",
@@ -1418,7 +1437,7 @@ ROWS = (
         "device-that-is-there-waits-for-the-stop-of-another",
         "deadline ignored",
         "handctl.model.stop_sequence",
-        "TwoParts._until_quiet",
+        "TwoParts._steps",
         "if quiet is not None and quiet >= QUIET_FOR:",
         "if False:",
         "tests/stop/test_whose.py::test_a_device_that_is_there_instead_does_not_wait_for_the_stop_of_the_last_one",
@@ -1427,9 +1446,9 @@ ROWS = (
         "rest-of-a-stop-that-paused-is-not-sent",
         "stop not sent",
         "handctl.model.stop_sequence",
-        "TwoParts._going_on",
-        "action = rest.send((yield action))",
-        "return Stopped('', error=NoAnswer)",
+        "TwoParts.rest",
+        "return self._steps(rest, lambda: rest.send([]), None)  # behind a step that nothing replied to",
+        "return self._steps(rest, lambda: rest.throw(TooLate()), None)",
         "tests/stop/test_whose.py::test_a_stop_that_pauses_sends_all_that_it_would_have_sent",
     ),
     mistake(
