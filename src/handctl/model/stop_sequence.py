@@ -194,7 +194,7 @@ def sent_again(stopped: Stopped, again: Stopped) -> Stopped:
         return again
     # one that leaves a doubt tells itself what was seen
     stands = ", and now it stands still" if again.error is None and not again.hint else ""
-    return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"))
+    return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"), goes_on=False)
 
 
 def _one_by_one(own: Addressee, context: StopContext) -> StopSequence:

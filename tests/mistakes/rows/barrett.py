@@ -195,7 +195,7 @@ ROWS = (
         STOPPER,
         "stop_steps",
         "off = yield from stop_steps(context._replace(powered=False), prefix)",
-        "return looked",
+        "return looked._replace(goes_on=False)",
         f"{STOP}_a_hand_that_goes_on_after_ctrl_c_loses_its_power",
     ),
     mistake(

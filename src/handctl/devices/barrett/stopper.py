@@ -31,6 +31,7 @@ from handctl.model.stop_sequence import (
     StopSequence,
     StopStep,
     once_more,
+    sent_again,
     silence,
 )
 
@@ -78,7 +79,7 @@ def stop_steps(context: StopContext, prefix: str = "") -> StopSequence:
         if not context.powered:
             return looked
         off = yield from stop_steps(context._replace(powered=False), prefix)
-        return off._replace(text=f"{looked.text}. {off.text}")
+        return sent_again(looked, off) if looked.goes_on else off._replace(text=f"{looked.text}. {off.text}")
     powered = turns[-1].answer is None
     text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
     at = ", ".join(f"{motor} {place}" for motor, place in zip(MOTORS, places, strict=True))

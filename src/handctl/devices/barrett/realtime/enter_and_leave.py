@@ -156,12 +156,11 @@ class Session:
             code, told = "stopped", f"{prefix}T was acknowledged: the motors are switched off{why}"
         context = hand.stop_context()
         looked = run_stop(hand.link, stands(context, Stopped(told)))
-        if looked.error is not None and hold:
-            off = run_stop(hand.link, power_off(context, prefix), ledger=hand.journal.ledger)
-            looked = looked._replace(text=f"{looked.text}. {off.text}", error=off.error)
-            code = "stopped"
-        elif looked.goes_on:
-            looked = sent_again(looked, run_stop(hand.link, stop_steps(context, prefix), ledger=hand.journal.ledger))
+        if looked.goes_on or (looked.error is not None and hold):
+            stop = power_off if hold else stop_steps  # T itself goes out twice, whatever went before
+            off, code = run_stop(hand.link, stop(context, prefix), ledger=hand.journal.ledger), "stopped"
+            more = looked._replace(text=f"{looked.text}. {off.text}", error=off.error)
+            looked = sent_again(looked, off) if looked.goes_on else more
         hand.line.link.read(
             hand.line.link.deadline(0.005 + hand.line.wire_seconds(2)), 1
         )  # the space behind the last prompt
