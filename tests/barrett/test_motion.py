@@ -433,7 +433,7 @@ def test_how_it_ended(name: str, now: dict[str, int], goal: int | None, status: 
 def test_only_what_moved_or_says_so_touched_something(
     name: str, now: int, goal: int, status: int, start: int | None, ended: tuple[str, str]
 ) -> None:
-    assert motion.how_it_ended(name, {**OFF, "P": now}, goal, status, start) == ended
+    assert motion.how_it_ended(name, {**OFF, "P": now}, goal, status, motion.Start(start)) == ended
 
 
 @each_row("name", ["HOME", "M", "HI", "O"])
@@ -493,7 +493,7 @@ def test_ctrl_c_and_silence() -> None:
         {
             "C": None,
             "T": None,
-            "FGET CT OT P MCV SAMPLE": "17000 17000 17000 3150|0 0 0 0|0 0 0 0|100 100 100 60|31 31 31 31",
+            "FGET CT OT P MCV SAMPLE S": "17000 17000 17000 3150|0 0 0 0|0 0 0 0|100 100 100 60|31 31 31 31|0 0 0 0",
         }
     )
     link.on_abort = None

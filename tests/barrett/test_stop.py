@@ -14,7 +14,15 @@ from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, power_off
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.model.command_settings import Settings
 from handctl.model.prompts import Prompts
-from handctl.model.stop_sequence import SILENCE, StopContext, Stopped, exchange_steps, run_stop, writes_without_replies
+from handctl.model.stop_sequence import (
+    AGAIN,
+    SILENCE,
+    StopContext,
+    Stopped,
+    exchange_steps,
+    run_stop,
+    writes_without_replies,
+)
 from handctl.sim.bus.wire_pair import RECEIVERS, resample
 from tests.barrett.support import ABORT, gcl, scripted, simulated
 from tests.support.cli import Result, Spy, run, spying
@@ -188,7 +196,8 @@ def test_a_stop_is_seen_in_two_readings(powered: bool, coasts: str) -> None:
 def test_a_hand_that_goes_on_after_ctrl_c_loses_its_power() -> None:
     hand = Coasting(COASTS["coasts"][0], obeys=True)
     stopped = hand.stopped(powered=True)
-    assert stopped.error is None, stopped
+    assert stopped.error is DeviceRefused, "it has not obeyed ^C"
+    assert f"{AGAIN}, and now it stands still" in stopped.text and hand.commands.count(b"T") == 1
     assert hand.commands.index(b"T") > hand.commands.index(b"FGET P HOLD") and "motor power is off" in stopped.text
 
 

@@ -369,12 +369,13 @@ class Spy:
 
 
 @contextmanager
-def spying() -> Iterator[Spy]:
-    """Collect the simulated devices that are created meanwhile."""
+def spying(made: Callable[[Any], object] = lambda _line: None) -> Iterator[Spy]:
+    """Collect the simulated devices that are created meanwhile; `made` is shown each before anything is sent to it."""
     spy, create = Spy(), handctl.sim.create
 
     def note(kind: str, options: dict[str, str]) -> Any:
         spy.lines.append(create(kind, options))
+        made(spy.lines[-1])
         return spy.lines[-1]
 
     with swapped((handctl.sim, "create", note)):

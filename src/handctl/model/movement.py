@@ -269,7 +269,10 @@ class Watch:
         return frozenset(name for name, axis in self._axes.items() if axis.moved)
 
     def arrivals(self, deeper: Mapping[str, AxisReading] | None = None) -> list[Arrival]:
-        """What became of each axis; `deeper` is what was read once more, when it was over, of those that are `short`."""
+        """What became of each axis; `deeper` is what was read of them once more, when it was over.
+
+        What is blocked there speaks against an axis at its target too; the rest tells why one is `short`.
+        """
         return [self._arrival(self._axes[name], (deeper or {}).get(name)) for name in self._axes]
 
     def _arrival(self, axis: _Axis, deeper: AxisReading | None) -> Arrival:
@@ -278,18 +281,18 @@ class Watch:
             return Arrival(goal, None, UNREAD)
         if self._stopped_by_fault(axis):
             return Arrival(goal, value, BLOCKED, axis.seen.blocked)
+        blocked, contact = "" if deeper is None else deeper.blocked, axis.seen.contact
         if near and not (axis.moved and not self._rests(axis)):
-            return Arrival(goal, value, REACHED)
+            return Arrival(goal, value, BLOCKED if blocked else REACHED, blocked)
         if goal.speed == 0 and not axis.moved:
             return Arrival(goal, value, NO_SPEED)
-        blocked, contact = "", axis.seen.contact
         before = self._before.get(goal.name, AxisReading(None))
         if deeper is not None and not near:
-            blocked, contact = deeper.blocked, contact or deeper.contact or self._pushes(before, deeper)
+            contact = contact or deeper.contact or self._pushes(before, deeper)
         known = before.value is not None and goal.target is not None and not near
         astray = known and is_astray(before.value, goal.target, value, goal.near)  # type: ignore[arg-type]
         if not self._rests(axis, explained=bool(blocked or contact or astray)):
-            return Arrival(goal, value, MOVING)
+            return Arrival(goal, value, MOVING, blocked)
         if blocked:
             return Arrival(goal, value, BLOCKED, blocked)
         if astray:

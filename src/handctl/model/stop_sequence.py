@@ -128,6 +128,10 @@ Read = Generator[StopStep, Pieces, "list[int] | None"]
 """Positions; None where they could not be read."""
 
 
+class TooLate(Exception):
+    """Thrown into a sequence whose time is over: one that has seen something returns that."""
+
+
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
 QUIET = Step("listen", b"")
 """Nothing is sent."""
@@ -169,19 +173,28 @@ def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
     """The stop of a device of family `kind`, or of those that are `going` on its line."""
     if context.going:
         return _one_by_one((kind, context.number), context)
-    return _once_more(importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps, context)
+    return once_more(importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps, context)
 
 
-def _once_more(steps: Callable[[StopContext], StopSequence], context: StopContext) -> StopSequence:
-    """The stop of a family, and the same once more where the device goes on. It stays an error: who knows what it does next."""
+def once_more(steps: Callable[[StopContext], StopSequence], context: StopContext) -> StopSequence:
+    """The stop of a family, and the same once more where the device goes on: then its motors do not keep their power either."""
     stopped = yield from steps(context)
     if not stopped.goes_on:
         return stopped
-    again = yield from steps(context)
+    try:
+        again = yield from steps(context._replace(powered=False))
+    except TooLate:  # perhaps not one byte of it has gone out
+        return stopped._replace(text=joined(stopped.text, TOO_LATE))
+    return sent_again(stopped, again)
+
+
+def sent_again(stopped: Stopped, again: Stopped) -> Stopped:
+    """The result of a stop behind which the device went on, and of the second one. It stays an error: who knows what it does next."""
     if again.goes_on:
         return again
-    stands = ", and now it stands still" if again.error is None else ""
-    return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"))
+    # one that leaves a doubt tells itself what was seen
+    stands = ", and now it stands still" if again.error is None and not again.hint else ""
+    return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"), goes_on=False)
 
 
 def _one_by_one(own: Addressee, context: StopContext) -> StopSequence:
@@ -217,39 +230,31 @@ class TwoParts:
     def __call__(self, context: StopContext) -> StopSequence:
         if self._rest is not None:  # at another id
             return self._sequence(context)
-        self._rest = self._sequence(context)
-        return self._until_quiet(self._rest)
+        self._rest = rest = self._sequence(context)
+        return self._steps(rest, lambda: next(rest), 0.0)
 
     def rest(self, context: StopContext) -> StopSequence:
         """What is left of it, once; then all of it, at another id."""
         if self._rest is None or not self.paused:
             return self._sequence(context)
-        self.paused = False
-        return self._going_on(self._rest)
+        self.paused, rest = False, self._rest
+        return self._steps(rest, lambda: rest.send([]), None)  # behind a step that nothing replied to
 
-    def _until_quiet(self, rest: StopSequence) -> StopSequence:
-        """Its steps; from the first byte on it is not paused any more."""
-        quiet: float | None = 0.0
+    def _steps(self, rest: StopSequence, first: Callable[[], StopStep], quiet: float | None) -> StopSequence:
+        """Its steps from the `first` on. It pauses when nothing has come for long enough, until the first byte; `quiet` None = it does not."""
         try:
-            action = next(rest)
+            action = first()
             while True:
-                pieces = yield action
+                try:
+                    pieces = yield action
+                except TooLate as late:
+                    rest.throw(late)
+                    raise
                 quiet = None if quiet is None or pieces else quiet + action.seconds
                 if quiet is not None and quiet >= QUIET_FOR:
                     self.paused = True
                     return Stopped(f"no reply within {QUIET_FOR:g} s", error=NoAnswer)
                 action = rest.send(pieces)
-        except StopIteration as end:
-            stopped: Stopped = end.value
-            return stopped
-
-    @staticmethod
-    def _going_on(rest: StopSequence) -> StopSequence:
-        """What is left of it, behind a step that nothing replied to."""
-        try:
-            action = rest.send([])
-            while True:
-                action = rest.send((yield action))
         except StopIteration as end:
             stopped: Stopped = end.value
             return stopped
@@ -408,14 +413,25 @@ class StopExchange:
         except StopIteration as end:
             self._stopped = end.value
 
+    def _cut_off(self) -> Stopped:
+        """The result of a sequence that is not finished."""
+        try:
+            self._sequence.throw(TooLate())
+        except StopIteration as end:
+            stopped: Stopped = end.value
+            return stopped
+        except TooLate:
+            pass
+        self._sequence.close()
+        return Stopped(TOO_LATE, "switch the power off if the device is still moving", NoAnswer)
+
     def _exchanged(self, action: StopStep) -> Pieces:
         """What came. Past `until` nothing more goes out that is not the first write, and the result says so."""
         pieces: Pieces = []
         sent, place, until = self._sent, len(self._sent), self._until
         if until is not None:
             if until.expired and (action.reads or not all(one.reads for one in sent)):
-                self._sequence.close()
-                self._stopped = Stopped(TOO_LATE, "switch the power off if the device is still moving", NoAnswer)
+                self._stopped = self._cut_off()
                 return pieces
             action = action._replace(seconds=min(action.seconds, until.remaining))
         if not action.reads:

@@ -64,6 +64,33 @@ class Silent(NamedTuple):
     why: str = ""
 
 
+class Faulty(NamedTuple):
+    """A movement that is waited for, and how its device gets error bits meanwhile.
+
+    words    of the command line; it ends where a healthy device arrives
+    element  full name of the error bits in the map
+    bits     each of them that is documented -> the word of it that must be said; one that is not is added
+    place    the simulator -> where what moves is
+    target   where that ends
+    put      sets the bits, and none takes them away
+    options  of the simulator: its wire, its generation
+    refused  with bits that are set before it the movement is not begun
+    lasting  bits with which nothing is called reached, also where they are older than the movement
+    stops    bits that tell of a stop short of the target, which is no fault: `--expect any` takes it
+    """
+
+    words: str
+    element: str
+    bits: Mapping[int, str]
+    place: Callable[[Any], float]
+    target: float
+    put: Callable[[Any, int], None]
+    options: str = ""
+    refused: bool = False
+    lasting: frozenset[int] = frozenset()
+    stops: frozenset[int] = frozenset()
+
+
 HERE = Path()
 
 
@@ -104,6 +131,8 @@ class Facts:
     rows_in   module with COMMANDS, lines with their kinds, and `prepare`, which makes the files that they name
     waiting   states in which something waits for a write that lets it go
     nothing_waits  why there are none
+    faulty    movements that are waited for, on each wire, with their error bits
+    reports_nothing  why there are none
     silent    how long a silent device takes, on each of its wires
     states_in  module whose `states` makes the states in which a command may meet its devices; "" = at rest, and moving
     """
@@ -140,6 +169,8 @@ class Facts:
     looking: frozenset[tuple[str, ...]] = frozenset()
     waiting: tuple[Waiting, ...] = ()
     nothing_waits: str = ""
+    faulty: tuple[Faulty, ...] = ()
+    reports_nothing: str = ""
     rows_in: str = ""
     silent: tuple[Silent, ...] = (Silent(),)
     states_in: str = ""

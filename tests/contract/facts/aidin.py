@@ -10,6 +10,7 @@ FACTS = Facts(
     places=lambda line: [motor.place for motor in line.device.hand.motors],
     near=2000.0,
     forces=frozenset({"currents"}),
+    reports_nothing="none of its feedback keys tells an error or a status (aidin, Feedback keys)",
     nothing_waits="it tells neither its target nor its maximum torque: nobody can see what waits (aidin, Feedback keys)",
     writes={
         "home": "",

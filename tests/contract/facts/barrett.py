@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from tests.contract.facts import Facts, Passed, Silent
+from typing import Any
+
+from tests.contract.facts import Facts, Faulty, Passed, Silent
 
 GCL_GOODS = [
     b"FGET P\r",
@@ -57,7 +59,39 @@ class Gcl:
         return bool(word) and name not in QUERIES and not word.startswith("?")
 
 
+STATUS = {
+    1: "No motor board found", 2: "No motor found", 4: "not initialized", 8: "(not used) (8)", 16: "Couldn't reach position", 32: "Unknown command",
+    64: "Unknown parameter name", 128: "Invalid value", 256: "read only", 512: "(not used) (512)", 1024: "Too many arguments", 2048: "control block header",
+    4096: "motor prefix", 8192: "over-temperature", 16384: "stopped by ^C", 32768: "unknown (32768)",
+}  # fmt: skip
+"""The status codes of a motor (barrett §5.1.3, T3), and three that the table does not have."""
+
+
+def _put(line: Any, bits: int) -> None:
+    """The status of F1 has them from now on."""
+    device, read = line.device, line.device.read
+    device.read = lambda name, number: read(name, number) | (bits if (name, number) == ("S", 0) else 0)
+
+
+FAULTY = tuple(
+    Faulty(
+        words,
+        "status.F1",
+        STATUS,
+        lambda line: line.device.hand.motors[0].position(line.device.now),
+        target,
+        _put,
+        lasting=frozenset({1, 2, 4, 8192, 16384}),
+        stops=frozenset({16, 16384}),
+    )
+    for words, target in (
+        ("move 9000 --motors 1", 9000),
+        ("close --motors 1", 17000),
+        ("step-close 5000 --motors 1", 5000),
+    )
+)
 FACTS = Facts(
+    faulty=FAULTY,
     silent=(Silent(seconds=6.0, why="the boot window of 3 s, and seven baud rates"),),
     places=lambda line: [motor.position(line.device.now) for motor in line.device.hand.motors],
     forces=frozenset({"torque-open", "torque-close"}),

@@ -11,6 +11,7 @@ from tests.support.scripted import unhex
 
 FACTS = Facts(
     silent=(Silent(seconds=2.2, why="0.5 s for each reply, and GetTime behind GetData, which a firmware may lack"),),
+    reports_nothing="no command moves it, so none waits for a movement (ekso §4)",
     nothing_waits="whatever it takes is asked for already, and acts with the next step (ekso §4)",
     writes={
         "set": "step_length=15.5 --operator me",

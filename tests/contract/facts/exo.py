@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.contract.facts import Facts, Silent, Waiting
-from tests.contract.facts.inspire import inspire
+from tests.contract.facts import Facts, Faulty, Silent, Waiting
+from tests.contract.facts.inspire import ERRORS, inspire, put
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
 HOLD = bytes.fromhex("EB 90 01 0B 32")
@@ -16,6 +16,14 @@ def _places(line: Any) -> list[float]:
     return [finger.position for finger in line.device.hand.fingers]
 
 
+# fmt: off
+FAULTY = (
+    Faulty(
+        "position ring=900 --wait 5 -y", "error.ring", ERRORS, lambda line: line.device.hand.fingers[1].position, 900,
+        lambda line, bits: put(line.device.hand.fingers[1], bits),
+    ),
+)
+# fmt: on
 WAITING = Waiting(
     "has errors on its way",
     ("clear_errors",),
@@ -29,6 +37,7 @@ FACTS = Facts(
     silent=(Silent(seconds=5.8, why="then the search for late replies and for another baud rate: 4.5 s"),),
     places=_places,
     waiting=(WAITING,),
+    faulty=FAULTY,
     writes={
         "set": "position_set.index=300 force_set.thumb=-20",
         "restore": "{exo} --setpoints",

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from tests.contract.facts import Facts, Passed, Silent, Waiting
-from tests.contract.facts.inspire import inspire
+from tests.contract.facts import Facts, Faulty, Passed, Silent, Waiting
+from tests.contract.facts.inspire import ERRORS, inspire, put
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
 
@@ -66,7 +66,27 @@ WAITING = (
         {"fault": "faults"}, 1000.0, goes=False,
     ),
 )  # fmt: skip
+
+
+def _put(line: Any, bits: int) -> None:
+    put(line.device.hand.body.fingers[3], bits)
+    line.device.hand.publish()
+
+
+FAULTY = tuple(
+    Faulty(
+        f"angle {target} --wait 5 -y{words}", f"error.{target.partition('=')[0]}", ERRORS, lambda line: line.device.hand.body.fingers[3].angle,
+        float(target.partition("=")[2]), _put, options, refused=True,
+    )
+    for options, target, words in (
+        ("", "index=900", ""), ("", "index=900", " --protocol modbus"), ("bus=modbus-tcp", "index=900", ""),
+        ("bus=can", "index=900", ""), ("model=tp", "index=900", ""), ("model=f1", "index=1400", " --model f1"),
+        ("model=f1", "index=1400", " --model f1 --protocol modbus"), ("model=dg2", "m4=1500", " --model dg2"),
+        ("model=dg2", "m4=1500", " --model dg2 --protocol modbus"),
+    )
+)  # fmt: skip
 FACTS = Facts(
+    faulty=FAULTY,
     silent=(
         Silent(
             seconds=11.3,

@@ -2,7 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from tests.contract.facts import Passed
+
+ERRORS = {1: "locked_rotor", 2: "over_temperature", 4: "over_current", 8: "motor", 16: "communication", 32: "bit_5"}
+"""The error bits of an actuator (exo §2.3.12, rh56 §3.1, wrist §2.1), and one that is not documented."""
+
+
+def put(actuator: Any, bits: int) -> None:
+    """Its error bits; that of heat comes with heat."""
+    actuator.set_error(actuator.errors | bits)
 
 
 def inspire(entry: Passed) -> bool:

@@ -2,13 +2,28 @@
 
 from __future__ import annotations
 
-from tests.contract.facts import Facts, Silent
-from tests.contract.facts.inspire import inspire
+from tests.contract.facts import Facts, Faulty, Silent
+from tests.contract.facts.inspire import ERRORS, inspire, put
 from tests.fuzz.decoders import EB90_GOODS, EB90_LIKELY
 
 STAY = bytes.fromhex("EB 90 01 07 31 0E 04")
 """A write to both angles (wrist §2.1)."""
+FAULTY = tuple(
+    Faulty(
+        f"move --{axis} 5 --time 300",
+        f"error_{number}",
+        ERRORS,
+        lambda line, at=at: line.device.body.angles[at],
+        500,
+        lambda line, bits, at=number - 1: put(line.device.body.actuators[at], bits),
+        wire,
+    )
+    for wire in ("", "bus=can")
+    for at, axis in enumerate(("pitch", "yaw"))
+    for number in (1, 2)  # which of them moves which axis is not documented
+)
 FACTS = Facts(
+    faulty=FAULTY,
     silent=(Silent(), Silent("bus=can")),
     places=lambda line: list(line.device.body.angles),
     nothing_waits="its set-points act when they are written: it has no speed, no limit and no command that clears errors (wrist §2.1)",

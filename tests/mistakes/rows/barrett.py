@@ -22,6 +22,7 @@ STOP = "tests/barrett/test_stop.py::test"
 MADE = "tests/barrett/test_motion.py::test_a_movement_that_was_made_was_not_refused"
 
 RESTORED = "tests/contract/test_restore_interrupted.py::test_an_interrupted_restore"
+FAULT_BITS = "tests/contract/test_fault_bits.py::test_a_fault_during_a_movement_is_its_end"
 
 ROWS = (
     mistake(
@@ -192,16 +193,16 @@ ROWS = (
         "barrett-coasts-on-with-its-power",
         "stop not sent",
         STOPPER,
-        "power_off",
-        "off = yield from power_off(context._replace(powered=False), prefix)",
-        "return looked",
+        "stop_steps",
+        "off = yield from stop_steps(context._replace(powered=False), prefix)",
+        "return looked._replace(goes_on=False)",
         f"{STOP}_a_hand_that_goes_on_after_ctrl_c_loses_its_power",
     ),
     mistake(
         "barrett-unread-positions-are-a-stop",
         "evidence believed",
         STOPPER,
-        "power_off",
+        "stop_steps",
         "if looked.error is not None:",
         "if looked.error is DeviceRefused:",
         f"{STOP}_positions_that_do_not_come_are_no_success",
@@ -268,6 +269,33 @@ ROWS = (
         'if not status & NOT_REACHED and name not in ("O", "C"):',
         "if False:",
         "tests/barrett/test_motion.py::test_only_what_moved_or_says_so_touched_something",
+    ),
+    mistake(
+        "barrett-a-motor-that-is-not-ready-has-reached-its-target",
+        "success without evidence",
+        MOTION,
+        "how_it_ended",
+        "if new & ~NOT_REACHED:",
+        "if False:",
+        FAULT_BITS,
+    ),
+    mistake(
+        "barrett-a-motor-that-did-not-reach-its-target-has",
+        "success without evidence",
+        MOTION,
+        "how_it_ended",
+        "if new & NOT_REACHED:",
+        "if False:",
+        FAULT_BITS,
+    ),
+    mistake(
+        "barrett-a-status-from-before-a-movement-is-its-end",
+        "evidence believed",
+        MOTION,
+        "how_it_ended",
+        "new = own & ~before.status",
+        "new = own",
+        "tests/contract/test_fault_bits.py::test_a_fault_from_before_the_movement_is_told_apart",
     ),
     mistake(
         "barrett-baud-rate-believed-for-its-prompt",

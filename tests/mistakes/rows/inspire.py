@@ -5,6 +5,8 @@ from tests.mistakes.table import mistake
 EB90 = "handctl.devices.inspire.eb90"
 BUS = "handctl.devices.inspire.serial_bus"
 MODBUS = "handctl.devices.inspire.modbus_frames"
+FAULT_BITS = "tests/contract/test_fault_bits.py::test_a_fault_during_a_movement_is_its_end"
+OLD_FAULT_BITS = "tests/contract/test_fault_bits.py::test_a_fault_from_before_the_movement_is_told_apart"
 
 ROWS = (
     mistake(
@@ -375,9 +377,45 @@ ROWS = (
         "evidence believed",
         "handctl.devices.inspire.register_device",
         "RegisterDevice.moved",
-        "deeper |= {name: one._replace(currents=()) for name, one in deeper.items() if name not in seen.moved}",
-        "pass",
+        "currents=this.drawn(name, at_end) if name in seen.moved else (),",
+        "currents=this.drawn(name, at_end),",
         "tests/inspire/test_exo_motion.py::test_an_end_off_the_way_to_the_target_is_none_that_is_expected",
+    ),
+    mistake(
+        "inspire-errors-at-a-target-are-not-read",
+        "success without evidence",
+        "handctl.devices.inspire.register_device",
+        "RegisterDevice._evidence",
+        "elements = [element for element in known if element not in this.elements]",
+        "elements = [element for element in known if element not in this.elements and seen.short]",
+        FAULT_BITS,
+    ),
+    mistake(
+        "inspire-errors-from-before-a-movement-are-its-end",
+        "evidence believed",
+        "handctl.devices.inspire.register_device",
+        "RegisterDevice.moved",
+        "blocked=this.faults(name, at_end, {} if name in short else known, short),",
+        "blocked=this.faults(name, at_end, {}, short),",
+        OLD_FAULT_BITS,
+    ),
+    mistake(
+        "inspire-new-errors-of-an-actuator-with-old-ones-are-old",
+        "success without evidence",
+        "handctl.devices.inspire.register_device",
+        "Movement.faults",
+        "bits = int(one.value or 0) & ~int(known.get(one.element, 0))",
+        "bits = 0 if known.get(one.element) else int(one.value or 0)",
+        OLD_FAULT_BITS,
+    ),
+    mistake(
+        "wrist-an-axis-at-its-target-is-blocked-with-the-other",
+        "evidence believed",
+        "handctl.devices.inspire.register_device",
+        "Movement.faults",
+        "if bits and one.element in self.errors and goal in ([name for name in goals if name in short] or goals):",
+        "if bits and one.element in self.errors and goal in goals:",
+        "tests/inspire/test_wrist_motion.py::test_a_held_axis_is_told_with_where_it_stands",
     ),
     mistake(
         "inspire-an-old-status-is-contact",
@@ -393,7 +431,7 @@ ROWS = (
         "evidence believed",
         "handctl.devices.inspire.hand.motion",
         "move",
-        'found[part] = _seen(place, status, fault or "", fresh=part not in gripping)',
+        'found[part] = _seen(place, status, RESTARTED if restarted else "", fresh=part not in gripping)',
         'found[part] = _seen(place, status, "", fresh=part not in gripping)',
         "tests/inspire/test_rh56_arrival.py::test_a_fault_during_a_movement_is_its_end_whatever_the_angle_says",
     ),

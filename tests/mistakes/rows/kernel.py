@@ -601,6 +601,16 @@ ROWS = (
         "tests/contract/test_truth.py::test_nothing_arrives_that_is_blocked",
     ),
     mistake(
+        "blocked-at-its-target-is-arrived",
+        "false success",
+        "handctl.model.movement",
+        "Watch._arrival",
+        "return Arrival(goal, value, BLOCKED if blocked else REACHED, blocked)",
+        "return Arrival(goal, value, REACHED)",
+        "tests/contract/test_fault_bits.py::test_a_fault_during_a_movement_is_its_end",
+        "tests/kernel/test_movement.py::test_what_was_read_once_more_counts",
+    ),
+    mistake(
         "what-never-began-has-ended-somewhere",
         "false success",
         "handctl.model.movement",

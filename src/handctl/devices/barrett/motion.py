@@ -14,7 +14,7 @@ from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
-from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, stands
+from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, stands, stop_steps
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
 from handctl.fast_classes import fast_dataclass
 from handctl.model.movement import (
@@ -34,7 +34,7 @@ from handctl.model.movement import (
 from handctl.model.param import Reading, Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import FIND_WHO, Stopped, run_stop
+from handctl.model.stop_sequence import FIND_WHO, Stopped, run_stop, sent_again
 from handctl.number_parsing import number_in
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -215,10 +215,10 @@ def moved(
 
 def _before(
     hand: BarrettHand, name: str, argument: int | None, motors: list[int], force: bool
-) -> tuple[dict[int, int], float, dict[int, int]]:
-    """Goals by motor, the longest time of the movement in seconds at the set velocities, and where each motor is: one line of questions."""
+) -> tuple[dict[int, int], float, dict[int, Start]]:
+    """Goals by motor, the longest time of the movement in seconds at the set velocities, and how each motor is: one line of questions."""
     velocity = VELOCITIES.get(name, ("MCV",))
-    wanted = [*NEEDED.get(name, ()), *(["IVEL"] if "MOV" in velocity else []), *velocity, "SAMPLE"]
+    wanted = [*NEEDED.get(name, ()), *(["IVEL"] if "MOV" in velocity else []), *velocity, "SAMPLE", "S"]
     if name in ("M", "IC", "IO") and argument is not None:
         wanted = [key for key in wanted if key not in ("DP", "DS")]
     by_motor: dict[int, dict[str, int]] = {index: {} for index in motors}
@@ -238,7 +238,7 @@ def _before(
         speeds = [at[key] for key in velocity if at.get(key)]
         if speeds and "SAMPLE" in at:
             slowest = max(slowest, travel_seconds(index, min(speeds), at["SAMPLE"]))
-    return goals, slowest, {index: at["P"] for index, at in by_motor.items() if "P" in at}
+    return goals, slowest, {index: Start(at.get("P"), at.get("S", 0)) for index, at in by_motor.items()}
 
 
 def refuse_typed_harm(hand: BarrettHand, line: str) -> None:
@@ -302,7 +302,7 @@ def _result(
     strain: list[Reading],
     motors: list[int],
     goals: dict[int, int],
-    starts: dict[int, int],
+    starts: dict[int, Start],
     *,
     all_motors: bool,
 ) -> tuple[list[Row], list[Arrival]]:
@@ -316,7 +316,7 @@ def _result(
         numbers = {key: int(number) for key, number in value.items() if number is not None}
         lost = implausible(index, numbers.get("P", 0))
         now = {key: at for key, at in numbers.items() if key != "P" or not lost}
-        ended = how_it_ended(name, now, goals.get(index), answer.status, starts.get(index))
+        ended = how_it_ended(name, now, goals.get(index), answer.status, starts[index])
         motor = MOTORS[index]
         more = {
             "target": goals.get(index),
@@ -333,6 +333,16 @@ def _result(
     return rows, arrivals
 
 
+class Start(NamedTuple):
+    """A motor before its movement: where it is, None = not known, and its status."""
+
+    place: int | None = None
+    status: int = 0
+
+
+NOT_KNOWN = Start()
+
+
 class Ended(NamedTuple):
     """What became of one motor: a verdict of `model.movement`, None where it was not driven, and the words of it."""
 
@@ -340,12 +350,14 @@ class Ended(NamedTuple):
     words: str
 
 
-def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, start: int | None = None) -> Ended:
-    """The termination case of §5.5, from position, strain, limits and status. `start`: where the motor was before, None = not known.
+def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, before: Start = NOT_KNOWN) -> Ended:
+    """The termination case of §5.5, from position, strain, limits and status.
 
     A stall is told by ERR 16, and of O and C, which never answer 16, by a way that ended short of its goal (dossier 5).
+    Of a motor that is ready its status is 0 (§5.3.2): whatever has been added to it speaks against the movement.
     """
-    own, near = now.get("S", 0), now.get("MPE", 50)
+    own, near, start = now.get("S", 0), now.get("MPE", 50), before.place
+    new = own & ~before.status
     if now.get("EN") == 0:
         return Ended(None, "disabled (EN 0): did not move")
     if own & 3:
@@ -357,6 +369,8 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, 
         return Ended(SHORT, "stopped by ^C")
     if (own | status) & OVER_TEMPERATURE:
         return Ended(BLOCKED, "over-temperature: did not move, or stopped")
+    if new & ~NOT_REACHED:
+        return Ended(BLOCKED, explain_status(new & ~NOT_REACHED))
     if "P" not in now:
         return Ended(UNREAD, "unknown: its position could not be read")
     if (
@@ -371,6 +385,8 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, 
     if strain != NO_GAUGE and (over or under):
         return Ended(CONTACT, f"strain limit: {strain} is {f'above HSG {high}' if over else f'below LSG {low}'}")
     if goal is not None and name not in TORQUE and abs(now["P"] - goal) <= near:
+        if new & NOT_REACHED:
+            return Ended(SHORT, f"{explain_status(NOT_REACHED)}, although it is within MPE of its target now")
         return Ended(REACHED, "reached")
     if name in TORQUE:
         return Ended(CONTACT, "stalled on something, or at the joint stop")
@@ -402,8 +418,11 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
 
 
 def find_and_power_off(hand: BarrettHand, prefix: str) -> str:
-    """The same for a hand that did not reply where it was looked for first, and whether it stands still afterwards."""
+    """The same for a hand that did not reply where it was looked for first. If it moves on, it gets the whole stop once more."""
     text = power_off(hand, prefix)
     if moving := look_for_motion(hand.line):
-        raise DeviceRefused(f"{hand.link.name}: {text}. But it moves: {', '.join(moving)}", hint=FIND_WHO)
+        stopped = Stopped(f"{text}. But it moves: {', '.join(moving)}", FIND_WHO, DeviceRefused, goes_on=True)
+        again = run_stop(hand.link, stop_steps(hand.stop_context(), prefix), ledger=hand.journal.ledger)
+        stopped = sent_again(stopped, again)
+        raise DeviceRefused(f"{hand.link.name}: {stopped.text}", hint=stopped.hint)
     return text

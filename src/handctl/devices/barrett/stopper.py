@@ -23,7 +23,17 @@ from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.model.param import Step
 from handctl.model.stop_check import check_standing
-from handctl.model.stop_sequence import Pieces, Read, StopContext, Stopped, StopSequence, StopStep, silence
+from handctl.model.stop_sequence import (
+    Pieces,
+    Read,
+    StopContext,
+    Stopped,
+    StopSequence,
+    StopStep,
+    once_more,
+    sent_again,
+    silence,
+)
 
 FIRST, BETWEEN, LAST = 0.15, 0.02, 0.5
 """Seconds for the prompt behind the first ^C, behind the next ones, and behind the last: a movement needs time to end."""
@@ -50,6 +60,11 @@ class StopAttempt(NamedTuple):
 
 
 def power_off(context: StopContext, prefix: str = "") -> StopSequence:
+    """The stop of the motors of `prefix` ("" = all), sent once more where the hand goes on behind it."""
+    return once_more(partial(stop_steps, prefix=prefix), context)
+
+
+def stop_steps(context: StopContext, prefix: str = "") -> StopSequence:
     """^C, which stops all motors, then T for the motors of `prefix` ("" = all); data after a silence shows another program.
 
     Where the motors are to stay `powered`, T goes out only when ^C brings no prompt, or a motor is not seen standing
@@ -63,20 +78,16 @@ def power_off(context: StopContext, prefix: str = "") -> StopSequence:
     if looked.error is not None:
         if not context.powered:
             return looked
-        off = yield from power_off(context._replace(powered=False), prefix)
-        return off._replace(text=f"{looked.text}. {off.text}")
+        off = yield from stop_steps(context._replace(powered=False), prefix)
+        return sent_again(looked, off) if looked.goes_on else off._replace(text=f"{looked.text}. {off.text}")
     powered = turns[-1].answer is None
     text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
     at = ", ".join(f"{motor} {place}" for motor, place in zip(MOTORS, places, strict=True))
     return stopped._replace(text=f"{text}. Positions: {at}")
 
 
-stop_steps = power_off
-"""The stop of this family: of all motors."""
-
-
 def stands(context: StopContext, stopped: Stopped) -> StopSequence:
-    """`stopped`, once the hand, at its prompt, was seen to stand still: whoever has ended a movement in another way than by `power_off`."""
+    """`stopped`, once the hand, at its prompt, was seen to stand still: whoever has ended a movement in another way than by `stop_steps`."""
     looked, _ = yield from _Look([context.speed], context).standing(stopped)
     return looked
 

@@ -8,7 +8,7 @@ largest read 252 bytes); a device that stays silent to such a block is asked gro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from types import MappingProxyType
@@ -36,6 +36,8 @@ from handctl.model.device import Device
 from handctl.model.movement import (
     ASTRAY,
     BLOCKED,
+    CONTACT,
+    REACHED,
     Arrival,
     AxisReading,
     Goal,
@@ -244,39 +246,51 @@ BEGINS = 1.8
 begin, or how long it may pause; this is twice the 0.8 s of a whole stroke (RH56 §2.4.8), and some."""
 
 
-def drawn(readings: Sequence[Reading]) -> AxisReading:
-    """The currents of one axis."""
-    return AxisReading(None, currents=tuple(reading.value or 0 for reading in readings))
-
-
-def drawn_by_parts(readings: Sequence[Reading]) -> dict[str, AxisReading]:
-    """Finger -> the current of its actuator."""
-    return {reading.element.part or "": drawn([reading]) for reading in readings}
-
-
 class Movement(NamedTuple):
     """What is watched of a movement.
 
     elements  are read again and again, `seen` tells what each goal shows in them
-    evidence  why goals were missed, asked once all stands still
-    currents  are read before the movement too, and `drawn` tells which of them are a goal's
+    errors    have the error bits. They are read before it, and at its end: each time where `elements` has them, else once
+    currents  are read before it, and at its end where a goal was missed and nothing else tells why
     targets   tell where it is commanded to
     what      moves, in words
     pause     seconds before the first look
-    name      the goal that a reading belongs to
+    goals_of  the goals that an element tells about
+    fault     the error bits of an element in words
     """
 
     goals: Sequence[Goal]
     still: Stillness
     elements: Sequence[Element]
     seen: Callable[[Sequence[Reading]], dict[str, AxisReading]]
-    evidence: Callable[[Watch, Sequence[Reading]], dict[str, AxisReading] | None]
+    errors: Sequence[Element]
+    currents: Sequence[Element]
+    targets: Sequence[Element]
     what: str = "The fingers"
     pause: float = 0.0
-    name: Callable[[Reading], str] = lambda reading: reading.element.part or ""
-    currents: Sequence[Element] = ()
-    drawn: Callable[[Sequence[Reading]], dict[str, AxisReading]] = drawn_by_parts
-    targets: Sequence[Element] = ()
+    goals_of: Callable[[Element], Sequence[str]] = lambda element: (element.part or "",)
+    fault: Callable[[Element, Number], str] = lambda element, bits: element.param.label(bits) or ""
+
+    def drawn(self, goal: str, readings: Sequence[Reading]) -> tuple[Number, ...]:
+        """The currents of the actuators of a goal."""
+        return tuple(
+            one.value or 0 for one in readings if one.element in self.currents and goal in self.goals_of(one.element)
+        )
+
+    def faults(
+        self, goal: str, readings: Sequence[Reading], known: Mapping[Element, Number], short: Collection[str] = ()
+    ) -> str:
+        """The error bits that speak against a goal in words, without those that are `known`; "" = none.
+
+        Those of an actuator that may move several goals speak against the ones that are `short`, else against each.
+        """
+        found = []
+        for one in readings:
+            bits = int(one.value or 0) & ~int(known.get(one.element, 0))
+            goals = self.goals_of(one.element)
+            if bits and one.element in self.errors and goal in ([name for name in goals if name in short] or goals):
+                found.append(self.fault(one.element, bits))
+        return ", ".join(found)
 
 
 class RegisterDevice(Device):
@@ -496,32 +510,47 @@ class RegisterDevice(Device):
         """
         self.identify()
         last: list[Reading] = []
+        at_rest = self.read([*this.elements, *this.errors, *this.currents])
+        known = {one.element: one.value for one in at_rest if one.element in this.errors and one.value is not None}
+        """Error bits that were set before, which do not speak against a target that is reached."""
+        before = {
+            name: one._replace(currents=this.drawn(name, at_rest))
+            for name, one in this.seen(at_rest[: len(this.elements)]).items()
+        }
 
         def look() -> dict[str, AxisReading]:
             last[:] = self.read(this.elements)
-            return this.seen(last)
+            return {
+                name: one._replace(blocked=this.faults(name, last, known) or one.blocked)
+                for name, one in this.seen(last).items()
+            }
 
-        at_rest = self.read([*this.elements, *this.currents])
-        shown, flowing = at_rest[: len(this.elements)], this.drawn(at_rest[len(this.elements) :])
-        before = {
-            name: one._replace(currents=flowing[name].currents) if name in flowing else one
-            for name, one in this.seen(shown).items()
-        }
         with self.driven(prompts, who=this.what):
             start()
             clock = self.bus.clock(wait, this.still.refresh)
             self.bus.pause(this.pause)
             seen = watch(this.goals, this.still, look, prompts, clock, before)
-            deeper = this.evidence(seen, last) or {}
+            at_end, short = [*last, *self._evidence(this, known, seen)], seen.short
+            told = {one.element for one in at_end if one.value is not None}
+            if unread := dict.fromkeys(one.param.name for one in this.errors if one not in told):
+                text = f"the error bits ({', '.join(unread)}) could not be read, so it is not known whether the device has a fault"
+                self.journal.warn("errors-unread", f"{self.bus.where}: {text}")
             # what has not moved has met nothing on its way, whatever it draws now
-            deeper |= {name: one._replace(currents=()) for name, one in deeper.items() if name not in seen.moved}
+            deeper = {
+                name: AxisReading(
+                    None,
+                    blocked=this.faults(name, at_end, {} if name in short else known, short),
+                    currents=this.drawn(name, at_end) if name in seen.moved else (),
+                )
+                for name in before
+            }
             arrivals = seen.arrivals(deeper)
             if any(one.verdict == ASTRAY for one in arrivals):
-                told = self._commanded(this)
-                arrivals = [by_whom(one, told.get(one.goal.name)) if one.verdict == ASTRAY else one for one in arrivals]
+                sent = self._commanded(this)
+                arrivals = [by_whom(one, sent.get(one.goal.name)) if one.verdict == ASTRAY else one for one in arrivals]
         at = {one.goal.name: one for one in arrivals}
         rows = [
-            marked(self.row(reading), at.get(this.name(reading)))
+            marked(self.row(reading), next((at[name] for name in this.goals_of(reading.element) if name in at), None))
             for reading in last
             if reading.value != 0 or not reading.element.param.alarms
         ]
@@ -534,10 +563,19 @@ class RegisterDevice(Device):
         )
         return Table(rows=rows, columns=with_arrival(self.columns), failure=failure), arrivals
 
+    def _evidence(self, this: Movement, known: Collection[Element], seen: Watch) -> list[Reading]:
+        """What is read of a movement once more at its end: error bits that were not read all the time, and the currents where
+        nothing so far tells why a goal was missed."""
+        elements = [element for element in known if element not in this.elements]
+        if any(one.verdict not in (REACHED, BLOCKED, CONTACT) for one in seen.arrivals()):
+            elements += this.currents
+        return self.read(elements) if elements else []
+
     def _commanded(self, this: Movement) -> dict[str, Number | None]:
         """Where the device says that each goal is commanded to; {} where it does not answer that."""
         try:
-            return {this.name(reading): reading.value for reading in self.read(this.targets)}
+            told = self.read(this.targets)
+            return {name: reading.value for reading in told for name in this.goals_of(reading.element)}
         except (NoAnswer, ProtocolError):
             return {}
 

@@ -19,12 +19,12 @@ from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.devices.barrett.realtime.blocks import ACKNOWLEDGE, Decoder, Layout, LoopError, Selection, Values, still
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.loop_flags import FlagRequest, asked_flags
-from handctl.devices.barrett.stopper import power_off, stands
+from handctl.devices.barrett.stopper import power_off, stands, stop_steps
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError
 from handctl.link.deadman import EarlyWrite, Guard
 from handctl.model.param import Element, Number, Step
 from handctl.model.stop_on_interrupt import NOT_STOPPED
-from handctl.model.stop_sequence import Stopped, run_stop
+from handctl.model.stop_sequence import Stopped, run_stop, sent_again
 from handctl.system.deadman_process import HEARTBEAT_TIMEOUT
 
 ENTER_SECONDS = 1.5
@@ -156,10 +156,11 @@ class Session:
             code, told = "stopped", f"{prefix}T was acknowledged: the motors are switched off{why}"
         context = hand.stop_context()
         looked = run_stop(hand.link, stands(context, Stopped(told)))
-        if looked.error is not None and hold:
-            off = run_stop(hand.link, power_off(context, prefix), ledger=hand.journal.ledger)
-            looked = looked._replace(text=f"{looked.text}. {off.text}", error=off.error)
-            code = "stopped"
+        if looked.goes_on or (looked.error is not None and hold):
+            stop = power_off if hold else stop_steps  # T itself goes out twice, whatever went before
+            off, code = run_stop(hand.link, stop(context, prefix), ledger=hand.journal.ledger), "stopped"
+            more = looked._replace(text=f"{looked.text}. {off.text}", error=off.error)
+            looked = sent_again(looked, off) if looked.goes_on else more
         hand.line.link.read(
             hand.line.link.deadline(0.005 + hand.line.wire_seconds(2)), 1
         )  # the space behind the last prompt

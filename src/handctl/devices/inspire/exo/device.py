@@ -15,7 +15,7 @@ from handctl.devices.inspire import eb90, identity
 from handctl.devices.inspire.duplicate_id import identify_alone
 from handctl.devices.inspire.exo.register_map import EXO, FINGERS
 from handctl.devices.inspire.register_bus import may_still_move
-from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn_by_parts, error_finding
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, error_finding
 from handctl.devices.inspire.register_map import ALONE, BAUD_RATES, DRAWN, NEAR, NOISE, OVER_TEMPERATURE, outside
 from handctl.devices.inspire.serial_bus import SerialBus
 from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, NoAnswer, ProtocolError, UsageError
@@ -346,9 +346,6 @@ def status_view(rows: list[Row]) -> list[Grid]:
 STILL = Stillness(samples=3, seconds=0.5, refresh=0.05, short=BEGINS, pushing=DRAWN)
 
 
-CURRENTS = EXO["current"].each
-
-
 def command(hand: ExoHand, which: str, values: Mapping[int, int], prompts: Prompts) -> Table:
     """Send a force or position command and show its reply. Raises Interrupted on Ctrl-C, after the hand was stopped."""
     with stopped_by_ctrl_c(hand.stop, prompts), may_still_move("the fingers"):
@@ -366,20 +363,8 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
         STILL,
         EXO["position_actual"].each,
         lambda readings: {reading.element.part or "": AxisReading(reading.value) for reading in readings},
-        lambda seen, _: _evidence(hand) if seen.short else None,
-        currents=CURRENTS,
+        errors=EXO["error"].each,
+        currents=EXO["current"].each,
         targets=EXO["position_set"].each,
     )
     return hand.moved(this, lambda: hand.command_some("position", values), prompts, wait=wait, expect=expect)[0]
-
-
-def _evidence(hand: ExoHand) -> dict[str, AxisReading]:
-    """Why fingers are not at their targets: error bits, or a current that shows something in their way."""
-    errors = EXO["error"].each
-    readings = hand.read([*errors, *CURRENTS])
-    flowing = drawn_by_parts(readings[len(errors) :])
-    bits = {reading.element.part or "": int(reading.value or 0) for reading in readings[: len(errors)]}
-    return {
-        finger: one._replace(blocked=EXO["error"].label(bits[finger]) or "" if bits[finger] else "")
-        for finger, one in flowing.items()
-    }

@@ -17,11 +17,11 @@ from handctl.devices.inspire.hand.register_map import (
     RESTARTED,
     too_hot,
 )
-from handctl.devices.inspire.register_device import BEGINS, Movement, drawn_by_parts
+from handctl.devices.inspire.register_device import BEGINS, Movement
 from handctl.devices.inspire.register_map import ALONE, DRAWN, NOISE
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, joined
 from handctl.model import device
-from handctl.model.movement import REACHED, AxisReading, Goal, Stillness, Watch
+from handctl.model.movement import REACHED, AxisReading, Goal, Stillness
 from handctl.model.param import Changes, Element, Number, Reading, ValueChange
 from handctl.model.prompts import Prompts
 from handctl.model.result import Table
@@ -149,7 +149,9 @@ def move(
     targets = {element.part or "": value for element, value in changes if value != ALONE}
     gripping = {part for part in targets if (before or {}).get(f"status.{part}") == FORCE_REACHED}
     obeyed: set[str] = set()
-    watched = (MOVED[group], "error", "status")
+
+    def each(name: str) -> list[Element]:
+        return [element for element in hand.map[name].each if element.part in targets]
 
     def seen(readings: Sequence[Reading]) -> dict[str, AxisReading]:
         at = {reading.element.full_name: reading for reading in readings}
@@ -158,21 +160,20 @@ def move(
         obeyed.update(part for part in targets if at[f"status.{part}"].value not in (None, NO_COMMAND))
         found = {}
         for part in targets:
-            place, error, status = (at[f"{name}.{part}"] for name in watched)
+            place, status = at[f"{MOVED[group]}.{part}"], at[f"status.{part}"]
             restarted = status.value == NO_COMMAND and part in obeyed
-            fault = RESTARTED if restarted else error.element.param.label(error.value) if error.value else ""
-            found[part] = _seen(place, status, fault or "", fresh=part not in gripping)
+            found[part] = _seen(place, status, RESTARTED if restarted else "", fresh=part not in gripping)
         return found
 
     this = Movement(
         [_goal(group, part, target, before) for part, target in targets.items()],
         STILL,
-        [e for name in watched for e in hand.map[name].each if e.part in targets],
+        [*each(MOVED[group]), *each("error"), *each("status")],
         seen,
-        lambda ended, last: _evidence(hand, ended, last),
+        each("error"),
+        each("current"),
+        [element for element, value in changes if value != ALONE],
         pause=STILL.refresh,
-        currents=[element for element in hand.map["current"].each if element.part in targets],
-        targets=[element for element, value in changes if value != ALONE],
     )
     return hand.moved(this, lambda: hand.write(changes), prompts, wait=wait, expect=expect)[0]
 
@@ -189,14 +190,6 @@ def _seen(place: Reading, status: Reading, fault: str, *, fresh: bool) -> AxisRe
     blocked = status.element.param.label(code) or "" if code in NO_MOVE_STATUS else fault
     contact = status.element.param.label(code) or "" if code == FORCE_REACHED and fresh else ""
     return AxisReading(place.value, None if code is None else code in MOVING, blocked, contact)
-
-
-def _evidence(hand: Hand, seen: Watch, last: Sequence[Reading]) -> dict[str, AxisReading]:
-    """Of fingers that stand off their targets, also the current shows an object; but not whatever status says already."""
-    status = {reading.element.part: reading for reading in last if reading.element.param.name == "status"}
-    short = [part for part in seen.short if status[part].value not in (*NO_MOVE_STATUS, FORCE_REACHED)]
-    elements = [element for element in hand.map["current"].each if element.part in short]
-    return drawn_by_parts(hand.read(elements) if elements else ())
 
 
 NUDGE, NUDGE_SPEED, NUDGE_SECONDS = 80, 100, 3.0

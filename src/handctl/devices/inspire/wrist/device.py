@@ -6,9 +6,9 @@ lie current limits and power-on speeds. On its bench it moves without asking.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
-from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, drawn, grouped
+from handctl.devices.inspire.register_device import BEGINS, Movement, RegisterDevice, grouped
 from handctl.devices.inspire.register_map import DRAWN, outside, register_of
 from handctl.devices.inspire.wrist.register_map import NEAR, NOISE, WRIST
 from handctl.errors import CheckFailed, UsageError
@@ -23,6 +23,7 @@ SLOWEST_USUAL, FASTEST_USUAL = 5000, 100
 """Milliseconds outside which a movement time is worth a warning; the manual gives no range."""
 STILL = Stillness(samples=3, seconds=0.3, refresh=0.03, short=BEGINS, pushing=DRAWN)
 ANGLES = tuple(Element(WRIST[name], 0) for name in ("pitch_actual", "yaw_actual"))
+ERRORS = tuple(Element(WRIST[name], 0) for name in ("error_1", "error_2"))
 CURRENTS = tuple(Element(WRIST[name], 0) for name in ("current_1024", "current_1026"))
 SHORT = 40
 """Characters of a remark that fit beside a value."""
@@ -171,12 +172,13 @@ class Wrist(RegisterDevice):
             STILL._replace(least=time / 1000),
             ANGLES,
             lambda readings: {axis_of(reading.element.param.name): AxisReading(reading.value) for reading in readings},
-            lambda seen, _: self._evidence(targets) if seen.short else None,
+            ERRORS,
+            CURRENTS,
+            [Element(WRIST[f"{axis}_set"], 0) for axis in targets],
             "The wrist",
-            name=lambda reading: axis_of(reading.element.param.name),
-            currents=CURRENTS,
-            drawn=lambda readings: dict.fromkeys(targets, drawn(readings)),
-            targets=[Element(WRIST[f"{axis}_set"], 0) for axis in targets],
+            # which actuator turns which axis is not documented: what one shows counts for both
+            goals_of=lambda one: [*targets] if one in (*ERRORS, *CURRENTS) else [axis_of(one.param.name)],
+            fault=lambda one, bits: f"actuator #{one.param.name[-1]}: {one.param.label(bits)}",
         )
         wait = wait if wait is not None else time * 1.5 / 1000 + 2
         table, arrivals = self.moved(this, lambda: self.write(changes), prompts, wait=wait, expect=expect)
@@ -184,13 +186,6 @@ class Wrist(RegisterDevice):
         if table.failure is None and all(one.verdict == REACHED for one in arrivals):
             self.journal.info("arrived", "the wrist has arrived")
         return table
-
-    def _evidence(self, axes: Collection[str]) -> dict[str, AxisReading]:
-        """Why axes are off their targets. Which actuator turns which axis is not documented: what one shows counts for both."""
-        readings = self.read([*(Element(WRIST[name], 0) for name in ("error_1", "error_2")), *CURRENTS])
-        bits = [int(reading.value or 0) for reading in readings[:2]]
-        errors = [f"actuator #{n}: {WRIST['error_1'].label(one)}" for n, one in enumerate(bits, 1) if one]
-        return dict.fromkeys(axes, drawn(readings[2:])._replace(blocked=", ".join(errors)))
 
 
 def axis_of(name: str) -> str:
