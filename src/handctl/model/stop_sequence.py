@@ -191,7 +191,7 @@ def once_more(steps: Callable[[StopContext], StopSequence], context: StopContext
 def sent_again(stopped: Stopped, again: Stopped) -> Stopped:
     """The result of a stop behind which the device went on, and of the second one. It stays an error: who knows what it does next."""
     if again.goes_on:
-        return again
+        return again._replace(text=f"{AGAIN}: {again.text}")
     # one that leaves a doubt tells itself what was seen
     stands = ", and now it stands still" if again.error is None and not again.hint else ""
     return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"), goes_on=False)
