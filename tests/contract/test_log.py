@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -270,6 +270,30 @@ def test_only_the_named_quantities(kind: str, tmp_path: Path) -> None:
     assert [column["name"] for column in kept(path)[1]["columns"]] == [live]
     assert log(kind, tmp_path / "b.csv", "nonsense", "--count", "2").code == 2
     assert not (tmp_path / "b.csv").exists()
+
+
+EDITS: dict[str, Callable[[list[str]], list[str]]] = {
+    "two names swapped": lambda row: [*row[:8], row[9], row[8], *row[10:]],
+    "a unit more": lambda row: [*row[:8], f"{row[8]}_g", *row[9:]],
+    "a column less": lambda row: [*row[:8], *row[9:]],
+    "a column more": lambda row: [*row[:8], "7", *row[8:]],
+}
+"""What somebody did to a file: with its header alone, or with all of its rows."""
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_columns_that_are_not_those_of_the_sidecar_are_refused(kind: str, tmp_path: Path) -> None:
+    """A value under another name or unit is worse than none."""
+    path = tmp_path / "a.csv"
+    assert log(kind, path, "--count", "2").code == 0
+    rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    for what, edit in EDITS.items():
+        some = len(rows) if "column" in what else 1
+        with path.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows([*map(edit, rows[:some]), *rows[some:]])
+        for args in (("log", "--check", path), ("export", path, "--to", "xdf", "-o", tmp_path / "a.xdf")):
+            done = run(kind, *args, "--json")
+            assert (done.code, done.error["code"]) == (2, "damaged-log"), what
 
 
 @pytest.mark.parametrize("kind", FAMILIES)

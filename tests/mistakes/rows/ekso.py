@@ -484,6 +484,15 @@ ROWS = (
         "tests/ekso/test_gait.py::test_one_stride_says_nothing_of_the_next_one",
     ),
     mistake(
+        "log-under-other-names",
+        "evidence believed",
+        "handctl.record.log_reader",
+        "LogFile._header",
+        "if pair[0] != pair[1]:",
+        "if pair[0] is None or pair[1] is None:",
+        "tests/contract/test_log.py::test_columns_that_are_not_those_of_the_sidecar_are_refused",
+    ),
+    mistake(
         "export-mark-at-its-row",
         "evidence believed",
         "handctl.record.clock_survey",
