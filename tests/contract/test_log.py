@@ -23,6 +23,7 @@ from handctl.model.param import Element, Reading
 from handctl.record import csv_and_sidecar
 from handctl.record.marks import MOST, Heard, Marks
 from handctl.sim import model_class
+from handctl.system import clock
 from tests.contract.facts import facts_of
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
@@ -201,13 +202,34 @@ def test_a_long_mark_keeps_its_beginning(by: str, text: str, tmp_path: Path) -> 
         if by in ("line", "udp"):
             marks.hear(text, by)
         elif by == "lsl":
-            marks.put(Heard(text, 1.0, 1.0, by))
+            marks.hear(text, by, 1.0)
         (mark,) = log_command._first(text if by == "option" else "", marks.take)()
     assert mark.text == text[:200]
     assert log("exo", path, "--count", "2", "--mark", text).code == 0
     rows, about = kept(path)
     assert rows[0]["mark"] == about["marks"][0]["text"] == text[:200]
     assert run("exo", "log", "--check", path).code == 0
+
+
+def test_a_clock_that_is_set_during_a_log_moves_no_mark_and_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By another server of time, or because the computer slept: rows and marks have the time of day of one moment."""
+    wall = FakeLink.wall
+    monkeypatch.setattr(FakeLink, "wall", lambda link: wall(link) - 7200.5 * (link.now() > 0.1))
+    path = tmp_path / "a.csv"
+    done = log("exo", path, "--count", "5", "--rate", "20")
+    assert (done.code, done.codes().count("clock-set")) == (0, 1), done
+    rows, about = kept(path)
+    assert about["clock_set_s"] == -7200.5
+    assert len({round(float(row["host_utc_s"]) - float(row["host_mono_s"]), 6) for row in rows}) == 1
+    with closing(Marks(str)) as marks:
+        marks.hear("before", "udp")
+        monkeypatch.setattr(clock, "wall", lambda: 0.0)
+        marks.hear("behind", "udp")
+        marks.hear("earlier", "lsl", clock.now() - 5)
+        before, behind, earlier = ((one.utc_s or 0.0) - (one.mono_s or 0.0) for one in marks.take())
+    assert behind == pytest.approx(before, abs=2e-6) and earlier == pytest.approx(before, abs=2e-6)
 
 
 def test_many_marks_at_once_go_to_rows_that_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -502,7 +502,7 @@ def test_each_way_keeps_a_mark_that_is_no_utf8_as_text(by: str) -> None:
                 NO_UTF8.encode("utf-8", "surrogateescape").decode("utf-8", "replace") if by == "udp" else NO_UTF8, by
             )
         elif by == "lsl":
-            marks.put(Heard(NO_UTF8, 1.0, 1.0, by))
+            marks.hear(NO_UTF8, by, 1.0)
         (mark,) = _first(NO_UTF8 if by == "option" else "", marks.take)()
     assert mark.text == "caf\ufffd" and mark.as_row()["text"].encode("utf-8")
 

@@ -138,7 +138,7 @@ def log(
             if wishes.lsl:
                 from handctl.record import lsl
 
-                streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
+                streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.hear)))
                 recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
                 by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
             where = f"{path}, trial {trial}" if trial else path
@@ -271,6 +271,11 @@ def _tell(run: Run, recording: Recording) -> None:
             "clocks-parted",
             f"{clock} and the clock of this computer disagreed {plural(len(parted), 'time')}, by up to {most:+.3f} s. Each jump "
             f"starts a new segment; times between segments are from this computer.{maybe}{unfit}",
+        )
+    if moved := recording.clock_set_s:
+        run.journal.warn(
+            "clock-set",
+            f"during the log, this computer's clock was set by {moved:+.3f} s, or the computer slept. The times in the log continue those at its start",
         )
     if recording.skipped:
         run.journal.info(

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
 from handctl.files import atomic_write, has_content, writing
+from handctl.model.device_clock import WITHIN_MS
 from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import MOST, Heard
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
@@ -75,6 +76,8 @@ class Recording:
         """Is given each row that is in the file: when it was taken, by the link's clock, and its line."""
         self._reopened = False
         self._utc_offset = clock.wall() - clock.now()
+        self.clock_set_s = 0.0
+        """By how much the time of day was set during the log, or the computer slept: `host_utc_s` is by that of the start."""
         self._about = about
         self._size = 0
         self._on_disk = False
@@ -192,6 +195,8 @@ class Recording:
     def finish(self, ended: str, **more: Any) -> None:
         """Close the file, and say in the sidecar what it holds and how it `ended`. Raises OutputError."""
         failure: OutputError | None = None
+        set_s = round(self.clock.wall() - self.clock.now() - self._utc_offset, 3)
+        self.clock_set_s = set_s if abs(set_s) * 1000 > WITHIN_MS else 0.0
         try:
             self.close()
         except OutputError as exc:
@@ -240,6 +245,7 @@ class Recording:
             "skipped": self.skipped,
             "unread": self.unread,
             "standstill": line.standstill,
+            **({"clock_set_s": self.clock_set_s} if self.clock_set_s else {}),
             "gaps": [[gap.boot_ms, gap.length_ms] for gap in line.gaps],
             "holes": [hole.as_row() for hole in line.holes],
             "segments": [segment.as_row() for segment in line.segments],

@@ -493,6 +493,15 @@ ROWS = (
         "tests/contract/test_log.py::test_columns_that_are_not_those_of_the_sidecar_are_refused",
     ),
     mistake(
+        "mark-by-a-clock-that-was-set",
+        "evidence believed",
+        "handctl.record.marks",
+        "Marks.hear",
+        "self._came.put(Heard(text, round(mono_s + self._ahead, 6), round(mono_s, 6), by))",
+        "self._came.put(Heard(text, round(clock.wall(), 6), round(mono_s, 6), by))",
+        "tests/contract/test_log.py::test_a_clock_that_is_set_during_a_log_moves_no_mark_and_is_told",
+    ),
+    mistake(
         "export-mark-at-its-row",
         "evidence believed",
         "handctl.record.clock_survey",
