@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
-from handctl.files import atomic_write, has_content, writing
+from handctl.files import atomic_write, has_content, opened, writing
 from handctl.model.device_clock import WITHIN_MS
 from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import MOST, Heard
@@ -286,6 +286,15 @@ class Recording:
 def schema(kind: str) -> str:
     """The name of a family's format."""
     return f"handctl-{kind}-log/1"
+
+
+def is_recording(path: str) -> bool:
+    """Whether there is a recording of this name, or it is the sidecar of one."""
+    for sidecar in (path, f"{path}.json"):
+        with contextlib.suppress(UsageError), opened(sidecar, "a sidecar") as file:
+            if re.match(rb'\s*{\s*"schema"\s*:\s*"handctl-[a-z]+-log/', file.read(200)):
+                return True
+    return False
 
 
 def _text(heard: Sequence[Heard]) -> str:
