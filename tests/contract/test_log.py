@@ -232,9 +232,19 @@ def test_a_clock_that_is_set_during_a_log_moves_no_mark_and_is_told(
     assert behind == pytest.approx(before, abs=2e-6) and earlier == pytest.approx(before, abs=2e-6)
 
 
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_no_mark_is_a_formula_where_none_is_wanted(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for more, text in (((), "=1+1"), (("--no-formulas",), "'=1+1")):
+        assert log(kind, path, "--count", "2", "--mark", "=1+1", "--force", *more).code == 0
+        rows, about = kept(path)
+        assert rows[0]["mark"] == about["marks"][0]["text"] == text
+        assert run(kind, "log", "--check", path).code == 0
+
+
 def test_many_marks_at_once_go_to_rows_that_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, lines = tmp_path / "a.csv", [f"{number} {MARKS[1][:190]}" for number in range(100)]
-    monkeypatch.setattr(log_command, "_first", lambda _first, _take: lambda: [Heard(lines.pop(0)) for _ in [*lines]])
+    monkeypatch.setattr(log_command, "_first", lambda *_: lambda: [Heard(lines.pop(0)) for _ in [*lines]])
     assert log("exo", path, "--count", "5", "--rate", "20").code == 0
     rows, about = kept(path)
     assert [row["mark"].count("é") // 190 for row in rows] == [MOST, MOST, 100 - 2 * MOST, 0, 0]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -11,6 +11,7 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
 from handctl.model.export_formats import FORMATS
 from handctl.model.result import Column, Row, Table
+from handctl.screen.sanitize import no_formula
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -37,6 +38,11 @@ CHECKED = (
     Column("apart", "Apart", right=True, unit="ms"),
 )
 """`drift` is by how much the host's clock is faster than the device's; `apart` the most by which they contradict each other."""
+
+
+def cells_of(run: Run) -> Callable[[str], str]:
+    """What a text becomes in a cell of a CSV file, by --no-formulas."""
+    return no_formula if run.settings.no_formulas else str
 
 
 def take_file(run: Run) -> str:
@@ -68,7 +74,7 @@ def export(run: Run, path: str, source: LogFile, kind: str | None, segment: int 
         run.journal.warn("log", remark)
     for note in work.notes:
         run.journal.info("resampled", note)
-    run.journal.info("exported", f"{work.rows} rows, {work.seconds:.3f} s")
+    run.journal.info("exported", f"{plural(work.rows, 'row')}, {work.seconds:.3f} s")
     return Table(rows=[{"file": path, "rows": work.rows, "seconds": work.seconds}], columns=WRITTEN)
 
 

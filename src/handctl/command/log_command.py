@@ -14,6 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
+from handctl.command import export_command
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
 from handctl.errors import HandctlError, LinkError, OutputError, UsageError
@@ -93,7 +94,6 @@ def log(
     """
 
     if wishes.check:
-        from handctl.command import export_command
         from handctl.record.log_reader import LogFile
 
         if wishes != RequestedOptions(None, None, 0.0, "", None, False, wishes.silence, False, check=True):
@@ -146,7 +146,8 @@ def log(
             limits = Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over)
             if source.paced:
                 limits = Limits(silence=0.0, bound=run.end, over=over)
-            failure = Loop(recording, limits, _first(wishes.mark, take), run.prompts, before).run()
+            marked = _first(wishes.mark, take, export_command.cells_of(run))
+            failure = Loop(recording, limits, marked, run.prompts, before).run()
         failure = _finish(run, recording, before, failure) or _never_read(recording)
         failure = failure or (bounds.failure() if bounds is not None else None)
     finally:
@@ -195,10 +196,14 @@ def _reopen(run: Run) -> bool:
     return again
 
 
-def _first(text: str, came: Callable[[], Sequence[Heard]]) -> Callable[[], Sequence[Heard]]:
-    """Marks: `text` for the first row, then what comes."""
+def _first(
+    text: str, came: Callable[[], Sequence[Heard]], say: Callable[[str], str] = str
+) -> Callable[[], Sequence[Heard]]:
+    """Marks: `text` for the first row, then what comes, as `say` makes a cell of each."""
     waiting = [Heard(first)] if (first := mark_text(text)) else []
-    return lambda: [*(waiting.pop() for _ in range(len(waiting))), *came()]
+    return lambda: [
+        one._replace(text=say(one.text)) for one in (*(waiting.pop() for _ in range(len(waiting))), *came())
+    ]
 
 
 def _finish(
