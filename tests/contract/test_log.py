@@ -22,6 +22,7 @@ from handctl.model.export_formats import FORMATS
 from handctl.model.param import Element, Reading
 from handctl.record import csv_and_sidecar
 from handctl.record.marks import MOST, Heard, Marks
+from handctl.record.recording_loop import Loop
 from handctl.sim import model_class
 from handctl.system import clock
 from tests.contract.facts import facts_of
@@ -302,6 +303,24 @@ def test_only_the_named_quantities(kind: str, tmp_path: Path) -> None:
     assert [column["name"] for column in kept(path)[1]["columns"]] == [live]
     assert log(kind, tmp_path / "b.csv", "nonsense", "--count", "2").code == 2
     assert not (tmp_path / "b.csv").exists()
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_two_never_record_into_one_file(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each wrote at its own place: rows of both and zeros between them, and both ended with exit code 0."""
+    path, again = tmp_path / "a.csv", []
+    take = Loop.step
+
+    def step(loop: Loop) -> None:
+        take(loop)
+        if not again:
+            again.append(log(kind, path, "--count", "2", "--force"))
+
+    monkeypatch.setattr(Loop, "step", step)
+    assert log(kind, path, "--count", "5").code == 0
+    assert (again[0].code, again[0].error["code"]) == (2, "file-exists")
+    assert len(kept(path)[0]) == 5 and run(kind, "log", "--check", path).code == 0
+    assert log(kind, path, "--count", "2", "--force").code == 0 and len(kept(path)[0]) == 2
 
 
 EDITS: dict[str, Callable[[list[str]], list[str]]] = {

@@ -23,7 +23,7 @@ from handctl.model.device_clock import WITHIN_MS
 from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import MOST, Heard
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
-from handctl.system import disk, signals
+from handctl.system import disk, file_locks, signals
 
 if TYPE_CHECKING:
     from handctl.record.row_source import Sample, Source
@@ -360,13 +360,23 @@ def refuse_existing(path: str, force: bool, *, final: bool = False) -> None:
 
 
 def open_new(path: str, force: bool) -> int:
-    """A new file, descriptor for writing, or with `force` an existing one as it is. Raises UsageError and OutputError."""
+    """A new file, descriptor for writing, or with `force` an existing one as it is; no other program records into it. Raises UsageError and OutputError."""
     refuse_existing(path, force)
     with writing(path, hint="choose another file", code="log-file"):
         try:
-            return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (0 if force else os.O_EXCL), 0o666)
+            file = os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (0 if force else os.O_EXCL), 0o666)
         except FileExistsError as exc:
             raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
+    try:
+        file_locks.whole(file)
+    except BlockingIOError as exc:
+        os.close(file)
+        hint = "end that recording first, or choose another file"
+        raise UsageError(f"{path}: another handctl is recording into it", hint=hint, code="file-exists") from exc
+    except OSError:
+        pass  # not every file system has locks
+    os.lseek(file, 0, os.SEEK_SET)  # a lock may have moved it
+    return file
 
 
 def in_words(setting: Mapping[str, Any]) -> str:

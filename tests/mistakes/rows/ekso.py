@@ -502,6 +502,15 @@ ROWS = (
         "tests/contract/test_log.py::test_a_clock_that_is_set_during_a_log_moves_no_mark_and_is_told",
     ),
     mistake(
+        "two-record-into-one-file",
+        "two locks",
+        "handctl.record.csv_and_sidecar",
+        "open_new",
+        "file_locks.whole(file)",
+        "pass",
+        "tests/contract/test_log.py::test_two_never_record_into_one_file",
+    ),
+    mistake(
         "export-mark-at-its-row",
         "evidence believed",
         "handctl.record.clock_survey",
