@@ -18,12 +18,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
-from handctl.files import atomic_write, has_content, opened, writing
+from handctl.files import atomic_write, has_content, held, opened, writing
 from handctl.model.device_clock import WITHIN_MS
 from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import MOST, Heard
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
-from handctl.system import disk, file_locks, signals
+from handctl.system import disk, signals
 
 if TYPE_CHECKING:
     from handctl.record.row_source import Sample, Source
@@ -367,15 +367,10 @@ def open_new(path: str, force: bool) -> int:
             file = os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (0 if force else os.O_EXCL), 0o666)
         except FileExistsError as exc:
             raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
-    try:
-        file_locks.whole(file)
-    except BlockingIOError as exc:
+    if not held(file):
         os.close(file)
         hint = "end that recording first, or choose another file"
-        raise UsageError(f"{path}: another handctl is recording into it", hint=hint, code="file-exists") from exc
-    except OSError:
-        pass  # not every file system has locks
-    os.lseek(file, 0, os.SEEK_SET)  # a lock may have moved it
+        raise UsageError(f"{path}: another handctl is recording into it", hint=hint, code="file-exists")
     return file
 
 
