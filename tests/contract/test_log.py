@@ -269,6 +269,17 @@ def test_of_two_that_begin_a_trial_at_once_one_gets_the_next_number(
     assert (tmp_path / "walk.csv").read_text() == "theirs\n"
 
 
+@pytest.mark.parametrize("more", [(), ("--force",)], ids=str)
+def test_of_two_that_begin_in_one_folder_at_once_both_record(
+    more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a left and a right hand, which a script starts in the same second."""
+    monkeypatch.setattr(log_command, "file_name", lambda folder, _kind: f"{folder}/exo-now.csv")
+    rows = [log("exo", tmp_path, "--count", "2", *more).rows[0] for _ in range(3)]
+    assert [Path(row["file"]).name for row in rows] == ["exo-now.csv", "exo-now-2.csv", "exo-now-3.csv"]
+    assert not any("trial" in row for row in rows) and len(list(tmp_path.glob("*.json"))) == 3
+
+
 def test_a_trial_whose_name_cannot_be_had_is_refused(tmp_path: Path) -> None:
     for name in ("walk-999999.csv", "walk-1000000.csv"):
         (tmp_path / name).touch()

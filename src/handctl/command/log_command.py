@@ -100,7 +100,8 @@ def log(
             raise UsageError("--check records nothing, so it takes no other option of log", hint="leave them out")
         return export_command.check(run, reading(file) if reading is not None else LogFile(file, run.family.kind))
     named, path, trial = place_of(run, file, wishes)
-    force = bool(wishes.force) and not run.settings.append
+    ours = run.settings.append or named != file
+    force = bool(wishes.force) and not ours
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
     before = dict(source.settings())
@@ -120,11 +121,12 @@ def log(
             break
         except UsageError as exc:
             taken = path
-            if trial is not None and exc.code == "file-exists":
-                path, trial = next_trial(named)  # another program has begun this one meanwhile
+            if ours and exc.code == "file-exists":
+                path, number = next_trial(named)  # another program has begun this one meanwhile
             if path == taken:
                 raise
-            about["trial"] = trial
+            if trial is not None:
+                about["trial"] = trial = number
     over = bounds.over if bounds is not None else None
     try:
         with (
@@ -159,15 +161,19 @@ def log(
 
 
 def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, int | None]:
-    """The name that was given, the file that is going to be made, and the number of its trial. Raises UsageError for what `log` cannot do."""
+    """The name that was given, the file that is going to be made, and the number of its trial. Raises UsageError for what `log` cannot do.
+
+    Of a trial, and of a file in a folder, the name is ours to choose: there is always another one.
+    """
     if wishes.lsl:
         from handctl.record import lsl
 
         lsl.library()  # what is not installed is told before anything is sent
     named = file_name(file, run.family.kind)
-    path, trial = next_trial(named) if run.settings.append else (named, None)
-    refuse_existing(path, bool(wishes.force) and not run.settings.append, final=wishes.force is None)
-    return named, path, trial
+    ours = run.settings.append or named != file
+    path, trial = next_trial(named) if ours else (named, None)
+    refuse_existing(path, bool(wishes.force) and not ours, final=wishes.force is None)
+    return named, path, trial if run.settings.append else None
 
 
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
