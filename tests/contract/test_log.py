@@ -334,6 +334,14 @@ def test_two_never_record_into_one_file(kind: str, tmp_path: Path, monkeypatch: 
     assert log(kind, path, "--count", "2", "--force").code == 0 and len(kept(path)[0]) == 2
 
 
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_mark_port_that_is_taken_leaves_no_file(kind: str, tmp_path: Path) -> None:
+    """An empty recording was left: the next try was refused, or had the number of the next trial."""
+    with closing(Marks(str, port=0)) as taken:
+        done = log(kind, tmp_path / "a.csv", "--count", "2", "--mark-udp", str(taken.port), "--append")
+    assert (done.code, done.error["code"]) == (3, "mark-udp") and not list(tmp_path.iterdir())
+
+
 EDITS: dict[str, Callable[[list[str]], list[str]]] = {
     "two names swapped": lambda row: [*row[:8], row[9], row[8], *row[10:]],
     "a unit more": lambda row: [*row[:8], f"{row[8]}_g", *row[9:]],

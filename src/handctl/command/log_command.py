@@ -115,20 +115,8 @@ def log(
         "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
         "settings_before": before,
     }
-    while True:
-        try:
-            recording = Recording(path, link, source, about, rate=wishes.rate, force=force)
-            break
-        except UsageError as exc:
-            taken = path
-            if ours and exc.code == "file-exists":
-                path, number = next_trial(named)  # another program has begun this one meanwhile
-            if path == taken:
-                raise
-            if trial is not None:
-                about["trial"] = trial = number
     over = bounds.over if bounds is not None else None
-    try:
+    with ExitStack() as end:
         with (
             closing(Keys(run.prompts.interactive)) as keys,
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
@@ -136,13 +124,27 @@ def log(
         ):
             by = ["Any key sets a mark"] if keys.heard else []
             by += [f"A datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
-            take = marks.take
+            take, on_row = marks.take, None
             if wishes.lsl:
                 from handctl.record import lsl
 
                 streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.hear)))
-                recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
+                on_row, take = streams.row, lambda: streams.marks(marks.take())
                 by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
+            while True:
+                try:
+                    recording = Recording(path, link, source, about, rate=wishes.rate, force=force)
+                    break
+                except UsageError as exc:
+                    taken = path
+                    if ours and exc.code == "file-exists":
+                        path, number = next_trial(named)  # another program has begun this one meanwhile
+                    if path == taken:
+                        raise
+                    if trial is not None:
+                        about["trial"] = trial = number
+            end.enter_context(closing(recording))
+            recording.on_row = on_row
             where = f"{path}, trial {trial}" if trial else path
             run.prompts.say(". ".join((f"recording into {where}", *by, "Ctrl-C ends")))
             limits = Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over)
@@ -152,8 +154,6 @@ def log(
             failure = Loop(recording, limits, marked, run.prompts, before).run()
         failure = _finish(run, recording, before, failure) or _never_read(recording)
         failure = failure or (bounds.failure() if bounds is not None else None)
-    finally:
-        recording.close()
     _tell(run, recording)
     row = {**({} if trial is None else {"trial": trial}), **recording.as_row()}
     columns = SUMMARY if trial is None else (SUMMARY[0], Column("trial", "Trial", right=True), *SUMMARY[1:])
