@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -66,7 +65,6 @@ def export(run: Run, path: str, source: LogFile, kind: str | None, segment: int 
             hint=f"add -o {FORMATS[kind].example}",
             code="no-output",
         )
-    refuse_log(path, source.path)
     work = Export(source, path, TOOL, segment, rate)
     write(work, kind)
     tell_simulated(run, source)
@@ -76,12 +74,6 @@ def export(run: Run, path: str, source: LogFile, kind: str | None, segment: int 
         run.journal.info("resampled", note)
     run.journal.info("exported", f"{plural(work.rows, 'row')}, {work.seconds:.3f} s")
     return Table(rows=[{"file": path, "rows": work.rows, "seconds": work.seconds}], columns=WRITTEN)
-
-
-def refuse_log(path: str | None, log: str) -> None:
-    """Raise UsageError where -o names the log itself."""
-    if path and os.path.realpath(path) in map(os.path.realpath, (log, f"{log}.json")):
-        raise UsageError("-o would overwrite the log itself", hint="give another name")
 
 
 def tell_simulated(run: Run, source: LogFile) -> None:

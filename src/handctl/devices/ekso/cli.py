@@ -130,7 +130,6 @@ def export(
     kind = kind or ("csv" if run.settings.format == "csv" else None)
     path = export_command.take_file(run) if kind in FORMATS else run.settings.output
     _check_options(kind, si=si, knee_sign=knee_sign, rate=rate)
-    export_command.refuse_log(path, log)
     source = LogFile(log)
     if kind in FORMATS:
         return export_command.export(run, str(path), source, kind, segment, rate)
