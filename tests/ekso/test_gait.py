@@ -267,6 +267,18 @@ def test_walks_that_differ_by_chance_alone_seldom_have_a_clear_change(seconds: f
     assert not clear or clear.most_common(1)[0][1] <= 0.12 * len(pairs), clear
 
 
+def test_a_row_that_repeats_the_one_before_is_no_sample() -> None:
+    """A device that measures 25 times a second and is asked 100 times: the error of a sample is that of 1/25 s."""
+    made = walk(Plan(rate=25))
+    (seen,) = made.stretches
+    t = [seen.t[0] + number / 100 for number in range(4 * len(seen.t))]
+    often = seen._replace(t=t, signals={name: [value for value in values for _ in range(4)] for name, values in seen.signals.items()})  # fmt: skip
+    fine = {one.name: one.fine for one in walk_in([often]).figures if one.side == "left"}
+    assert fine["stride_time"] == pytest.approx(1 / 25) and fine["stance_share"] == pytest.approx(
+        200 / 25 / 1.2, rel=0.05
+    )
+
+
 def test_one_stride_says_nothing_of_the_next_one() -> None:
     _, before = found(Plan(seconds=2.6))
     _, after = found(Plan(seconds=3.0, stride=1.4))

@@ -421,9 +421,14 @@ def _without_bounces(t: Sequence[float], edges: Sequence[int], *, down_first: bo
 
 
 def _period(found: Sequence[Stretch]) -> float:
-    """Seconds between two samples."""
-    steps = Ordered(chain(*(map(sub, stretch.t[1:], stretch.t) for stretch in found)))
-    return steps[len(steps) // 2] if steps else 0.0
+    """Seconds between two samples. A row that only repeats the one before is none: it was asked for before the device had measured again."""
+    steps: list[Iterator[float]] = []
+    for one in found:
+        rows = pairwise(zip(*one.signals.values(), strict=True))
+        times = array("d", (t for t, (a, b) in zip(one.t[1:], rows, strict=False) if a != b))
+        steps.append(map(sub, times[1:], times))
+    ordered = Ordered(chain(*steps))
+    return ordered[len(ordered) // 2] if ordered else 0.0
 
 
 def _gaps(stretch: Stretch) -> list[tuple[float, float]]:
