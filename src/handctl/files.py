@@ -249,6 +249,21 @@ def has_content(descriptor: int) -> bool:
     return stat.S_ISREG(found.st_mode) and found.st_size > 0
 
 
+def held(descriptor: int) -> bool:
+    """Keep a file that grows for this program until it is closed; False where another one has it, whose lines ours would fall between."""
+    from handctl.system import file_locks
+
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        try:
+            file_locks.whole(descriptor)
+            os.lseek(descriptor, 0, os.SEEK_SET)  # a lock moved it on Windows
+        except BlockingIOError:
+            return False
+        except OSError:
+            pass  # not every file system has locks
+    return True
+
+
 class _Part(io.FileIO):
     """A file that remembers that it could not be written: what comes in its place must have all of it.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import itertools
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -22,7 +22,9 @@ from handctl.model.export_formats import FORMATS
 from handctl.model.param import Element, Reading
 from handctl.record import csv_and_sidecar
 from handctl.record.marks import MOST, Heard, Marks
+from handctl.record.recording_loop import Loop
 from handctl.sim import model_class
+from handctl.system import clock
 from tests.contract.facts import facts_of
 from tests.support.cli import Result, run
 from tests.support.each_row import each_row
@@ -201,7 +203,7 @@ def test_a_long_mark_keeps_its_beginning(by: str, text: str, tmp_path: Path) -> 
         if by in ("line", "udp"):
             marks.hear(text, by)
         elif by == "lsl":
-            marks.put(Heard(text, 1.0, 1.0, by))
+            marks.hear(text, by, 1.0)
         (mark,) = log_command._first(text if by == "option" else "", marks.take)()
     assert mark.text == text[:200]
     assert log("exo", path, "--count", "2", "--mark", text).code == 0
@@ -210,9 +212,40 @@ def test_a_long_mark_keeps_its_beginning(by: str, text: str, tmp_path: Path) -> 
     assert run("exo", "log", "--check", path).code == 0
 
 
+def test_a_clock_that_is_set_during_a_log_moves_no_mark_and_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By another server of time, or because the computer slept: rows and marks have the time of day of one moment."""
+    wall = FakeLink.wall
+    monkeypatch.setattr(FakeLink, "wall", lambda link: wall(link) - 7200.5 * (link.now() > 0.1))
+    path = tmp_path / "a.csv"
+    done = log("exo", path, "--count", "5", "--rate", "20")
+    assert (done.code, done.codes().count("clock-set")) == (0, 1), done
+    rows, about = kept(path)
+    assert about["clock_set_s"] == -7200.5
+    assert len({round(float(row["host_utc_s"]) - float(row["host_mono_s"]), 6) for row in rows}) == 1
+    with closing(Marks(str)) as marks:
+        marks.hear("before", "udp")
+        monkeypatch.setattr(clock, "wall", lambda: 0.0)
+        marks.hear("behind", "udp")
+        marks.hear("earlier", "lsl", clock.now() - 5)
+        before, behind, earlier = ((one.utc_s or 0.0) - (one.mono_s or 0.0) for one in marks.take())
+    assert behind == pytest.approx(before, abs=2e-6) and earlier == pytest.approx(before, abs=2e-6)
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_no_mark_is_a_formula_where_none_is_wanted(kind: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    for more, text in (((), "=1+1"), (("--no-formulas",), "'=1+1")):
+        assert log(kind, path, "--count", "2", "--mark", "=1+1", "--force", *more).code == 0
+        rows, about = kept(path)
+        assert rows[0]["mark"] == about["marks"][0]["text"] == text
+        assert run(kind, "log", "--check", path).code == 0
+
+
 def test_many_marks_at_once_go_to_rows_that_can_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, lines = tmp_path / "a.csv", [f"{number} {MARKS[1][:190]}" for number in range(100)]
-    monkeypatch.setattr(log_command, "_first", lambda _first, _take: lambda: [Heard(lines.pop(0)) for _ in [*lines]])
+    monkeypatch.setattr(log_command, "_first", lambda *_: lambda: [Heard(lines.pop(0)) for _ in [*lines]])
     assert log("exo", path, "--count", "5", "--rate", "20").code == 0
     rows, about = kept(path)
     assert [row["mark"].count("é") // 190 for row in rows] == [MOST, MOST, 100 - 2 * MOST, 0, 0]
@@ -234,6 +267,17 @@ def test_of_two_that_begin_a_trial_at_once_one_gets_the_next_number(
     done = log("exo", tmp_path / "walk.csv", "--append", "--count", "2", *more)
     assert (done.code, done.rows[0]["trial"], kept(tmp_path / "walk-2.csv")[1]["trial"]) == (0, 2, 2)
     assert (tmp_path / "walk.csv").read_text() == "theirs\n"
+
+
+@pytest.mark.parametrize("more", [(), ("--force",)], ids=str)
+def test_of_two_that_begin_in_one_folder_at_once_both_record(
+    more: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As of a left and a right hand, which a script starts in the same second."""
+    monkeypatch.setattr(log_command, "file_name", lambda folder, _kind: f"{folder}/exo-now.csv")
+    rows = [log("exo", tmp_path, "--count", "2", *more).rows[0] for _ in range(3)]
+    assert [Path(row["file"]).name for row in rows] == ["exo-now.csv", "exo-now-2.csv", "exo-now-3.csv"]
+    assert not any("trial" in row for row in rows) and len(list(tmp_path.glob("*.json"))) == 3
 
 
 def test_a_trial_whose_name_cannot_be_had_is_refused(tmp_path: Path) -> None:
@@ -270,6 +314,56 @@ def test_only_the_named_quantities(kind: str, tmp_path: Path) -> None:
     assert [column["name"] for column in kept(path)[1]["columns"]] == [live]
     assert log(kind, tmp_path / "b.csv", "nonsense", "--count", "2").code == 2
     assert not (tmp_path / "b.csv").exists()
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_two_never_record_into_one_file(kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each wrote at its own place: rows of both and zeros between them, and both ended with exit code 0."""
+    path, again = tmp_path / "a.csv", []
+    take = Loop.step
+
+    def step(loop: Loop) -> None:
+        take(loop)
+        if not again:
+            again.append(log(kind, path, "--count", "2", "--force"))
+
+    monkeypatch.setattr(Loop, "step", step)
+    assert log(kind, path, "--count", "5").code == 0
+    assert (again[0].code, again[0].error["code"]) == (2, "file-exists")
+    assert len(kept(path)[0]) == 5 and run(kind, "log", "--check", path).code == 0
+    assert log(kind, path, "--count", "2", "--force").code == 0 and len(kept(path)[0]) == 2
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_a_mark_port_that_is_taken_leaves_no_file(kind: str, tmp_path: Path) -> None:
+    """An empty recording was left: the next try was refused, or had the number of the next trial."""
+    with closing(Marks(str, port=0)) as taken:
+        done = log(kind, tmp_path / "a.csv", "--count", "2", "--mark-udp", str(taken.port), "--append")
+    assert (done.code, done.error["code"]) == (3, "mark-udp") and not list(tmp_path.iterdir())
+
+
+EDITS: dict[str, Callable[[list[str]], list[str]]] = {
+    "two names swapped": lambda row: [*row[:8], row[9], row[8], *row[10:]],
+    "a unit more": lambda row: [*row[:8], f"{row[8]}_g", *row[9:]],
+    "a column less": lambda row: [*row[:8], *row[9:]],
+    "a column more": lambda row: [*row[:8], "7", *row[8:]],
+}
+"""What somebody did to a file: with its header alone, or with all of its rows."""
+
+
+@pytest.mark.parametrize("kind", FAMILIES)
+def test_columns_that_are_not_those_of_the_sidecar_are_refused(kind: str, tmp_path: Path) -> None:
+    """A value under another name or unit is worse than none."""
+    path = tmp_path / "a.csv"
+    assert log(kind, path, "--count", "2").code == 0
+    rows = list(csv.reader(path.read_text(encoding="utf-8").splitlines()))
+    for what, edit in EDITS.items():
+        some = len(rows) if "column" in what else 1
+        with path.open("w", encoding="utf-8", newline="") as file:
+            csv.writer(file).writerows([*map(edit, rows[:some]), *rows[some:]])
+        for args in (("log", "--check", path), ("export", path, "--to", "xdf", "-o", tmp_path / "a.xdf")):
+            done = run(kind, *args, "--json")
+            assert (done.code, done.error["code"]) == (2, "damaged-log"), what
 
 
 @pytest.mark.parametrize("kind", FAMILIES)

@@ -20,6 +20,7 @@ from handctl.devices.ekso.log_reader import LogFile
 from handctl.devices.ekso.parameter_map import DATA
 from handctl.errors import UsageError
 from tests.ekso.recordings import STANDING, Device, make, opened
+from tests.support.cli import run
 from tests.support.each_row import each_row
 
 
@@ -163,6 +164,14 @@ def test_si_renames_what_it_converts(tmp_path: Path) -> None:
     }
     assert not [name for name in row if name.endswith(("_deg", "_in"))]
     assert row["t_s"] == "0.000"
+
+
+@each_row("more", [(), ("--si",)])
+def test_no_mark_is_a_formula_where_none_is_wanted(more: tuple[str, ...], tmp_path: Path) -> None:
+    log = make(tmp_path / "a.csv", [1001, 1021], mark="=1+1")
+    for option, text in (((), "=1+1"), (("--no-formulas",), "'=1+1")):
+        done = run("ekso", "export", log, "--to", "csv", *more, *option)
+        assert [row["mark"] for row in csv.DictReader(done.lines)] == [text, ""]
 
 
 def test_rows_for_json_are_numbers(tmp_path: Path) -> None:

@@ -463,6 +463,10 @@ def test_a_damaged_log_leaves_nothing(log: Path, kind: str) -> None:
         {"segments": [{"segment": 1, "clock_fit": {"a_s": 0.0, "b": float("inf")}}]},
         {"asked": [50]},
         {"rate_hz": "50"},
+        {"rate_hz": -50.0},
+        {"start": 1.5},
+        {"end": [1]},
+        {"settings_before": {"step_length": {"value": float("nan")}}},
         {"missing": 1},
         {"tool": "\ud800"},
     ],
@@ -498,7 +502,7 @@ def test_each_way_keeps_a_mark_that_is_no_utf8_as_text(by: str) -> None:
                 NO_UTF8.encode("utf-8", "surrogateescape").decode("utf-8", "replace") if by == "udp" else NO_UTF8, by
             )
         elif by == "lsl":
-            marks.put(Heard(NO_UTF8, 1.0, 1.0, by))
+            marks.hear(NO_UTF8, by, 1.0)
         (mark,) = _first(NO_UTF8 if by == "option" else "", marks.take)()
     assert mark.text == "caf\ufffd" and mark.as_row()["text"].encode("utf-8")
 
@@ -582,6 +586,7 @@ EDITED: dict[str, tuple[Callable[[int, dict[str, str]], dict[str, str]], int]] =
     "boot_ms of one row": (lambda n, row: {"boot_ms": "5" if n == 120 else row["boot_ms"]}, 7),
     "boot_ms of a segment": (lambda n, row: {"boot_ms": str(int(row["boot_ms"]) + (n > 200))}, 7),
     "host_utc_s": (lambda n, row: {"host_utc_s": f"{float(row['host_utc_s']) - 86400 * (n > 99):.6f}"}, 2),
+    "seq beyond 64 bit": (lambda n, row: {"seq": "9" * 19 if n == 250 else row["seq"]}, 2),
     "seq twice": (lambda n, row: {"seq": "99" if n == 100 else row["seq"]}, 2),
     "seq of the first": (lambda n, row: {"seq": "7" if n == 1 else row["seq"]}, 2),
     "a mark more": (lambda n, row: {"mark": "go" if n == 120 else row["mark"]}, 7),

@@ -7,7 +7,7 @@ import json
 import shutil
 from collections import Counter
 from dataclasses import replace
-from itertools import pairwise
+from itertools import combinations, pairwise
 from pathlib import Path
 from statistics import mean
 
@@ -257,6 +257,43 @@ def test_a_difference_is_clear_only_beyond_its_interval() -> None:
     }
 
 
+@each_row(("seconds", "stride"), [(4, 1.2), (8, 1.2), (30, 1.2), (40, 3.4)])
+def test_walks_that_differ_by_chance_alone_seldom_have_a_clear_change(seconds: float, stride: float) -> None:
+    walks = [found(Plan(seconds=seconds, stride=stride, vary=0.06, seed=seed, rate=100))[1] for seed in range(1, 11)]
+    pairs = list(combinations(walks, 2))
+    clear = Counter(
+        one.before.name for pair in pairs for one in compared(*pair) if one.clear and one.before.side == "both"
+    )
+    assert not clear or clear.most_common(1)[0][1] <= 0.12 * len(pairs), clear
+
+
+def test_a_row_that_repeats_the_one_before_is_no_sample() -> None:
+    """A device that measures 25 times a second and is asked 100 times: the error of a sample is that of 1/25 s."""
+    made = walk(Plan(rate=25))
+    (seen,) = made.stretches
+    t = [seen.t[0] + number / 100 for number in range(4 * len(seen.t))]
+    often = seen._replace(t=t, signals={name: [value for value in values for _ in range(4)] for name, values in seen.signals.items()})  # fmt: skip
+    fine = {one.name: one.fine for one in walk_in([often]).figures if one.side == "left"}
+    assert fine["stride_time"] == pytest.approx(1 / 25) and fine["stance_share"] == pytest.approx(
+        200 / 25 / 1.2, rel=0.05
+    )
+
+
+def test_one_stride_says_nothing_of_the_next_one() -> None:
+    _, before = found(Plan(seconds=2.6))
+    _, after = found(Plan(seconds=3.0, stride=1.4))
+    changes = {(one.before.name, one.before.side): one for one in compared(before, after)}
+    assert changes["stride_time", "left"].after.strides == 1 and changes["stride_time", "left"].change > 0.1
+    assert not any(one.clear for one in changes.values())
+    assert changes["stride_time", "left"].error is None and changes["cadence", "both"].error is None
+
+
+@each_row("stride", [2.6, 3.4, 4.0, 5.0, 8.0])
+def test_a_slow_walk_is_no_drift(stride: float) -> None:
+    for seconds in (30, 40, 45):
+        assert found(Plan(seconds=seconds, stride=stride))[1].remarks == []
+
+
 def test_a_timeline_of_hours_stays_small_and_keeps_each_refusal() -> None:
     spans = [(float(t), t + 1.0, "standing" if t % 1000 == 7 else "") for t in range(7200)]
     text = timeline("a walk", [("left", spans)], ["standing"], 0, 7200)
@@ -321,10 +358,19 @@ def test_the_page_has_the_curves_the_figures_and_every_refusal(log: Path) -> Non
     text = page.read_text(encoding="utf-8")
     assert done.code == 0 and text.count("<figure>") == 5 and text.count("<polygon") == 8
     assert "not a diagnosis" in text and "Simulated" in text and "<script" not in text
+    assert "incomplete" not in text
     reasons = [row for row in done.rows if row["unit"].startswith("not counted: ")]
     assert reasons and all(row["unit"].removeprefix("not counted: ") in text for row in reasons)
     assert "<td>step_length</td><td>14.75 in</td>" in text
     assert json.loads(Path(f"{log}.json").read_text())["start"]["utc"] in text
+
+
+def test_the_page_says_what_is_not_whole_and_not_where_the_log_is(log: Path) -> None:
+    about, page = Path(f"{log}.json"), log.with_name("gait.html")
+    about.write_text(about.read_text().replace('"missing": []', '"missing": ["lost"]'))
+    assert run("ekso", "gait", log, log, "--page", page).code == 0
+    text = page.read_text(encoding="utf-8")
+    assert "after: walk.csv is incomplete: lost" in text and str(log.parent) not in text
 
 
 def test_the_page_of_two_logs_has_both_and_the_settings_that_differ(log: Path) -> None:

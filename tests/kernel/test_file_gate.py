@@ -93,6 +93,25 @@ def test_no_output_is_an_input_or_another_output(leaf: Leaf, how: str, tmp_path:
     assert tried
 
 
+@each_row("leaf", LEAVES, ids=lambda leaf: "-".join(leaf.words))
+def test_no_output_replaces_a_recording(leaf: Leaf, tmp_path: Path) -> None:
+    """`log` alone does, and it asks for --force: nobody walks the same walk again."""
+    walk, sidecar = tmp_path / "walk.csv", tmp_path / "walk.csv.json"
+    assert run("exo", "log", str(walk), "--count", "2", "-p", "fake://exo?clock=virtual").code == 0
+    before = walk.read_bytes(), sidecar.read_bytes()
+    other = tmp_path / "other"
+    other.write_text("and me\n")
+    for output, option in {**EVERYWHERE, **{p.name or "": p for p in own(leaf, OutFile)}}.items():
+        for name in map(str, (walk, sidecar)):
+            if isinstance(option, tuple):
+                words = [*command_line(leaf, {"other": str(other)}), option[0], name]
+            else:
+                words = command_line(leaf, {"other": str(other), output: name})
+            done = run(*words, *fake(leaf), "--json")
+            assert (done.code, error_of(done)) == (2, "file-exists"), (words, done)
+            assert (walk.read_bytes(), sidecar.read_bytes()) == before, words
+
+
 def test_a_transcript_that_is_played_and_the_configuration_file(tmp_path: Path) -> None:
     kept = tmp_path / "run.txt"
     kept.write_text("> EB 90\n")

@@ -176,3 +176,18 @@ def test_a_trace_that_ends_later_lets_the_command_go_on(tmp_path: Path) -> None:
 def test_the_header_of_a_trace_fails_before_the_link_is_opened(tmp_path: Path) -> None:
     with room(0), pytest.raises(OutputError):
         TraceFile(str(tmp_path / "t"), "handctl", verbose=False)
+
+
+def test_a_trace_that_another_command_writes_is_left_alone_and_holds_up_no_stop(tmp_path: Path) -> None:
+    """As with HANDCTL_TRACE and two terminals: the lines of both, with zeros in between, were no transcript of either."""
+    path = tmp_path / "t"
+    first = TraceFile(str(path), "first", verbose=False)
+    first.event(0.0, "before")
+    done = run("exo", "dump", *EXO, "--json", env={"HANDCTL_TRACE": str(path)})
+    assert done.code == 1 and done.json["counters"]["sent"] == 0
+    done = run("exo", "stop", *EXO, "--json", env={"HANDCTL_TRACE": str(path)})
+    assert done.code == 0 and "trace" in done.codes() and done.json["counters"]["sent"] > 0
+    first.event(0.0, "behind")
+    first.close()
+    assert path.read_text(encoding="utf-8") == "# first\n0.000000 ! before\n0.000000 ! behind\n"
+    assert run("exo", "dump", *EXO, "--trace", path).code == 0

@@ -46,6 +46,7 @@ COVERED: Mapping[str, tuple[str, str]] = {
         "tools/test_service.py",
         "test_a_step_that_fails_is_a_row_with_its_code",
     ),
+    "Only `log --force` replaces a recording": ("kernel/test_file_gate.py", "test_no_output_replaces_a_recording"),
     "A limit for a quantity that was never read": (
         "kernel/test_limits.py",
         "test_a_limit_that_nothing_was_compared_with",

@@ -60,6 +60,25 @@ def test_what_was_not_read_is_a_hole_and_what_is_damaged_is_counted(tmp_path: Pa
     assert (index.failed, thumb.moved) == (1, False)
 
 
+@each_row("text", ['"1,234"', "n/a", "nan", "inf", "1e400"])
+def test_a_value_that_is_none_leaves_a_hole_and_is_told(text: str, tmp_path: Path) -> None:
+    """One such value took its whole curve away without a word, or was a bug of handctl."""
+    for at in range(3):
+        rows = [f"{t},{text if t == at else t},7,ok," for t in range(3)]
+        path = recorded(tmp_path, *rows)
+        found = read(str(path))
+        assert [(one.count, one.failed) for one in found.curves] == [(2, 1), (3, 0)], "words are no curve"
+        assert found.damaged == 1
+        assert run("plot", path, "--json").codes()[0] == "damaged"
+        assert run("plot", path, "-o", tmp_path / "a.svg").code == 0
+
+
+@each_row("time", ["nan", "inf"])
+def test_a_time_that_is_none_is_damaged(time: str, tmp_path: Path) -> None:
+    found = read(str(recorded(tmp_path, "0,1,5,ok,", f"{time},2,5,ok,", "2,3,5,ok,")))
+    assert (found.rows, found.damaged, found.seconds) == (2, 1, 2.0)
+
+
 def test_long_files_are_the_same_curves(tmp_path: Path) -> None:
     header = "t_s,name,motor,value,unit,error\r\n"
     rows = [

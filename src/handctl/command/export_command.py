@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
@@ -11,6 +10,7 @@ from handctl.command.run import Run
 from handctl.errors import CheckFailed, UsageError
 from handctl.model.export_formats import FORMATS
 from handctl.model.result import Column, Row, Table
+from handctl.screen.sanitize import no_formula
 from handctl.wording import plural
 
 if TYPE_CHECKING:
@@ -39,6 +39,11 @@ CHECKED = (
 """`drift` is by how much the host's clock is faster than the device's; `apart` the most by which they contradict each other."""
 
 
+def cells_of(run: Run) -> Callable[[str], str]:
+    """What a text becomes in a cell of a CSV file, by --no-formulas."""
+    return no_formula if run.settings.no_formulas else str
+
+
 def take_file(run: Run) -> str:
     """The file that -o names, which from now on is the export's own: whatever else is told goes to stdout."""
     path = run.settings.output
@@ -60,7 +65,6 @@ def export(run: Run, path: str, source: LogFile, kind: str | None, segment: int 
             hint=f"add -o {FORMATS[kind].example}",
             code="no-output",
         )
-    refuse_log(path, source.path)
     work = Export(source, path, TOOL, segment, rate)
     write(work, kind)
     tell_simulated(run, source)
@@ -68,14 +72,8 @@ def export(run: Run, path: str, source: LogFile, kind: str | None, segment: int 
         run.journal.warn("log", remark)
     for note in work.notes:
         run.journal.info("resampled", note)
-    run.journal.info("exported", f"{work.rows} rows, {work.seconds:.3f} s")
+    run.journal.info("exported", f"{plural(work.rows, 'row')}, {work.seconds:.3f} s")
     return Table(rows=[{"file": path, "rows": work.rows, "seconds": work.seconds}], columns=WRITTEN)
-
-
-def refuse_log(path: str | None, log: str) -> None:
-    """Raise UsageError where -o names the log itself."""
-    if path and os.path.realpath(path) in map(os.path.realpath, (log, f"{log}.json")):
-        raise UsageError("-o would overwrite the log itself", hint="give another name")
 
 
 def tell_simulated(run: Run, source: LogFile) -> None:

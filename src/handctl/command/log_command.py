@@ -14,6 +14,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from handctl import __version__
+from handctl.command import export_command
 from handctl.command.get_set_watch import bounds_of, select
 from handctl.command.run import Run
 from handctl.errors import HandctlError, LinkError, OutputError, UsageError
@@ -93,14 +94,14 @@ def log(
     """
 
     if wishes.check:
-        from handctl.command import export_command
         from handctl.record.log_reader import LogFile
 
         if wishes != RequestedOptions(None, None, 0.0, "", None, False, wishes.silence, False, check=True):
             raise UsageError("--check records nothing, so it takes no other option of log", hint="leave them out")
         return export_command.check(run, reading(file) if reading is not None else LogFile(file, run.family.kind))
     named, path, trial = place_of(run, file, wishes)
-    force = bool(wishes.force) and not run.settings.append
+    ours = run.settings.append or named != file
+    force = bool(wishes.force) and not ours
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
     before = dict(source.settings())
@@ -114,19 +115,8 @@ def log(
         "asked": {"rate_hz": wishes.rate or None, "rows": wishes.count, "duration_s": wishes.duration},
         "settings_before": before,
     }
-    while True:
-        try:
-            recording = Recording(path, link, source, about, rate=wishes.rate, force=force)
-            break
-        except UsageError as exc:
-            taken = path
-            if trial is not None and exc.code == "file-exists":
-                path, trial = next_trial(named)  # another program has begun this one meanwhile
-            if path == taken:
-                raise
-            about["trial"] = trial
     over = bounds.over if bounds is not None else None
-    try:
+    with ExitStack() as end:
         with (
             closing(Keys(run.prompts.interactive)) as keys,
             closing(Marks(keys.pressed, port=wishes.mark_udp, lines=sys.stdin if wishes.mark_stdin else None)) as marks,
@@ -134,23 +124,36 @@ def log(
         ):
             by = ["Any key sets a mark"] if keys.heard else []
             by += [f"A datagram to 127.0.0.1:{marks.port} sets a mark"] if marks.port is not None else []
-            take = marks.take
+            take, on_row = marks.take, None
             if wishes.lsl:
                 from handctl.record import lsl
 
-                streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.put)))
-                recording.on_row, take = streams.row, lambda: streams.marks(marks.take())
+                streams = cleanup.enter_context(closing(lsl.Streams(source, wishes.rate, marks.hear)))
+                on_row, take = streams.row, lambda: streams.marks(marks.take())
                 by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
+            while True:
+                try:
+                    recording = Recording(path, link, source, about, rate=wishes.rate, force=force)
+                    break
+                except UsageError as exc:
+                    taken = path
+                    if ours and exc.code == "file-exists":
+                        path, number = next_trial(named)  # another program has begun this one meanwhile
+                    if path == taken:
+                        raise
+                    if trial is not None:
+                        about["trial"] = trial = number
+            end.enter_context(closing(recording))
+            recording.on_row = on_row
             where = f"{path}, trial {trial}" if trial else path
             run.prompts.say(". ".join((f"recording into {where}", *by, "Ctrl-C ends")))
             limits = Limits(wishes.rate, wishes.count, wishes.duration, wishes.silence, run.end, over)
             if source.paced:
                 limits = Limits(silence=0.0, bound=run.end, over=over)
-            failure = Loop(recording, limits, _first(wishes.mark, take), run.prompts, before).run()
+            marked = _first(wishes.mark, take, export_command.cells_of(run))
+            failure = Loop(recording, limits, marked, run.prompts, before).run()
         failure = _finish(run, recording, before, failure) or _never_read(recording)
         failure = failure or (bounds.failure() if bounds is not None else None)
-    finally:
-        recording.close()
     _tell(run, recording)
     row = {**({} if trial is None else {"trial": trial}), **recording.as_row()}
     columns = SUMMARY if trial is None else (SUMMARY[0], Column("trial", "Trial", right=True), *SUMMARY[1:])
@@ -158,15 +161,19 @@ def log(
 
 
 def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, int | None]:
-    """The name that was given, the file that is going to be made, and the number of its trial. Raises UsageError for what `log` cannot do."""
+    """The name that was given, the file that is going to be made, and the number of its trial. Raises UsageError for what `log` cannot do.
+
+    Of a trial, and of a file in a folder, the name is ours to choose: there is always another one.
+    """
     if wishes.lsl:
         from handctl.record import lsl
 
         lsl.library()  # what is not installed is told before anything is sent
     named = file_name(file, run.family.kind)
-    path, trial = next_trial(named) if run.settings.append else (named, None)
-    refuse_existing(path, bool(wishes.force) and not run.settings.append, final=wishes.force is None)
-    return named, path, trial
+    ours = run.settings.append or named != file
+    path, trial = next_trial(named) if ours else (named, None)
+    refuse_existing(path, bool(wishes.force) and not ours, final=wishes.force is None)
+    return named, path, trial if run.settings.append else None
 
 
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
@@ -195,10 +202,14 @@ def _reopen(run: Run) -> bool:
     return again
 
 
-def _first(text: str, came: Callable[[], Sequence[Heard]]) -> Callable[[], Sequence[Heard]]:
-    """Marks: `text` for the first row, then what comes."""
+def _first(
+    text: str, came: Callable[[], Sequence[Heard]], say: Callable[[str], str] = str
+) -> Callable[[], Sequence[Heard]]:
+    """Marks: `text` for the first row, then what comes, as `say` makes a cell of each."""
     waiting = [Heard(first)] if (first := mark_text(text)) else []
-    return lambda: [*(waiting.pop() for _ in range(len(waiting))), *came()]
+    return lambda: [
+        one._replace(text=say(one.text)) for one in (*(waiting.pop() for _ in range(len(waiting))), *came())
+    ]
 
 
 def _finish(
@@ -271,6 +282,11 @@ def _tell(run: Run, recording: Recording) -> None:
             "clocks-parted",
             f"{clock} and the clock of this computer disagreed {plural(len(parted), 'time')}, by up to {most:+.3f} s. Each jump "
             f"starts a new segment; times between segments are from this computer.{maybe}{unfit}",
+        )
+    if moved := recording.clock_set_s:
+        run.journal.warn(
+            "clock-set",
+            f"during the log, this computer's clock was set by {moved:+.3f} s, or the computer slept. The times in the log continue those at its start",
         )
     if recording.skipped:
         run.journal.info(

@@ -584,11 +584,12 @@ def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> An
 
 
 class NamedFile(NamedTuple):
-    """A file of this run: its name for the user, its path, whether it is only appended to."""
+    """A file of this run: its name for the user, its path, whether it is only appended to, whether it is a recording of this run."""
 
     label: str
     path: str
     grows: bool = False
+    recorded: bool = False
 
 
 def files_of(ctx: click.Context) -> tuple[list[NamedFile], list[NamedFile]]:
@@ -603,16 +604,19 @@ def files_of(ctx: click.Context) -> tuple[list[NamedFile], list[NamedFile]]:
         group = inputs if isinstance(kind, InFile) else outputs
         for path in given if isinstance(given, tuple) else (given,):
             if path and path != "-":
-                group += [NamedFile(label, f"{path}{ending}", kind.grows) for ending in ("", *kind.additional)]
+                group += [
+                    NamedFile(label, f"{path}{ending}", kind.grows, bool(kind.additional))
+                    for ending in ("", *kind.additional)
+                ]
                 if group is inputs and os.path.islink(path):  # what belongs to the file itself is no output, either
                     group += [NamedFile(label, f"{os.path.realpath(path)}{ending}") for ending in kind.additional]
     return inputs, outputs
 
 
 def refuse_clashes(inputs: list[NamedFile], outputs: list[NamedFile]) -> None:
-    """Raise UsageError when an output is an input or another output, under whatever name, or a file that handctl keeps.
+    """Raise UsageError when an output is an input or another output, under whatever name, a file that handctl keeps, or a recording.
 
-    Called before any of them is opened: an input is never lost.
+    Called before any of them is opened: an input is never lost, and no walk is walked twice in the same way.
     """
     kept = str(state_path(""))
     for position, output in enumerate(outputs):
@@ -630,3 +634,12 @@ def refuse_clashes(inputs: list[NamedFile], outputs: list[NamedFile]) -> None:
                 hint="name a file in another folder. Nothing was opened, and nothing was sent.",
                 code="same-file",
             )
+        if not output.recorded and os.path.exists(output.path):
+            from handctl.record.csv_and_sidecar import is_recording
+
+            if is_recording(output.path):
+                raise UsageError(
+                    f"{output.label} {output.path}: a recording, or the sidecar of one",
+                    hint="name another file, or delete the recording first. Nothing was opened, and nothing was sent.",
+                    code="file-exists",
+                )

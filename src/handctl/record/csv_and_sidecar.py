@@ -18,7 +18,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
-from handctl.files import atomic_write, has_content, writing
+from handctl.files import atomic_write, has_content, held, opened, writing
+from handctl.model.device_clock import WITHIN_MS
 from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import MOST, Heard
 from handctl.record.timeline import CLOCKS, PORT_LOST, RESTART, Hole, Place, Timeline
@@ -75,6 +76,8 @@ class Recording:
         """Is given each row that is in the file: when it was taken, by the link's clock, and its line."""
         self._reopened = False
         self._utc_offset = clock.wall() - clock.now()
+        self.clock_set_s = 0.0
+        """By how much the time of day was set during the log, or the computer slept: `host_utc_s` is by that of the start."""
         self._about = about
         self._size = 0
         self._on_disk = False
@@ -192,6 +195,8 @@ class Recording:
     def finish(self, ended: str, **more: Any) -> None:
         """Close the file, and say in the sidecar what it holds and how it `ended`. Raises OutputError."""
         failure: OutputError | None = None
+        set_s = round(self.clock.wall() - self.clock.now() - self._utc_offset, 3)
+        self.clock_set_s = set_s if abs(set_s) * 1000 > WITHIN_MS else 0.0
         try:
             self.close()
         except OutputError as exc:
@@ -240,6 +245,7 @@ class Recording:
             "skipped": self.skipped,
             "unread": self.unread,
             "standstill": line.standstill,
+            **({"clock_set_s": self.clock_set_s} if self.clock_set_s else {}),
             "gaps": [[gap.boot_ms, gap.length_ms] for gap in line.gaps],
             "holes": [hole.as_row() for hole in line.holes],
             "segments": [segment.as_row() for segment in line.segments],
@@ -280,6 +286,15 @@ class Recording:
 def schema(kind: str) -> str:
     """The name of a family's format."""
     return f"handctl-{kind}-log/1"
+
+
+def is_recording(path: str) -> bool:
+    """Whether there is a recording of this name, or it is the sidecar of one."""
+    for sidecar in (path, f"{path}.json"):
+        with contextlib.suppress(UsageError), opened(sidecar, "a sidecar") as file:
+            if re.match(rb'\s*{\s*"schema"\s*:\s*"handctl-[a-z]+-log/', file.read(200)):
+                return True
+    return False
 
 
 def _text(heard: Sequence[Heard]) -> str:
@@ -345,13 +360,18 @@ def refuse_existing(path: str, force: bool, *, final: bool = False) -> None:
 
 
 def open_new(path: str, force: bool) -> int:
-    """A new file, descriptor for writing, or with `force` an existing one as it is. Raises UsageError and OutputError."""
+    """A new file, descriptor for writing, or with `force` an existing one as it is; no other program records into it. Raises UsageError and OutputError."""
     refuse_existing(path, force)
     with writing(path, hint="choose another file", code="log-file"):
         try:
-            return os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (0 if force else os.O_EXCL), 0o666)
+            file = os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (0 if force else os.O_EXCL), 0o666)
         except FileExistsError as exc:
             raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
+    if not held(file):
+        os.close(file)
+        hint = "end that recording first, or choose another file"
+        raise UsageError(f"{path}: another handctl is recording into it", hint=hint, code="file-exists")
+    return file
 
 
 def in_words(setting: Mapping[str, Any]) -> str:

@@ -14,7 +14,7 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache
-from itertools import compress, islice
+from itertools import compress, islice, zip_longest
 from math import isfinite, nan
 from typing import Any, BinaryIO, NamedTuple
 
@@ -223,7 +223,10 @@ class LogFile:
         if names[: len(known)] != known or names[-2:] != [ERROR, MARK] or len(set(names)) < len(names):
             raise damaged(self.path, 1, f"the columns are not those of `handctl {self.kind} log`")
         self.names, self.texts = tuple(names), (ERROR, MARK)
-        about: dict[str, Any] = {str(one.get("column")): one for one in (self.sidecar or {}).get("columns", [])}
+        about: dict[str, Any] = {str(one.get("column")): one for one in (self.sidecar or {}).get("columns") or []}
+        for number, pair in enumerate(zip_longest(names[len(known) : -2], about) if about else (), len(known) + 1):
+            if pair[0] != pair[1]:
+                raise damaged(self.path, 1, "column {} is {!r}, but in its sidecar {!r}".format(number, *pair))
         self.channels = tuple(
             Channel(name, str(one.get("name") or name), str(one.get("unit") or ""))
             for name in names[len(known) : -2]
@@ -494,8 +497,8 @@ def fields_of(path: str, number: int, line: bytes, width: int) -> list[str]:
 
 
 def parse_fixed(text: str, decimals: int) -> int:
-    """A number with exactly `decimals` decimals, as an integer of its last decimal. Raises ValueError."""
-    if len(text) > 32 or not _fixed(decimals)(text):
+    """A number with exactly `decimals` decimals and no more digits than 64 bit hold, as an integer of its last decimal. Raises ValueError."""
+    if len(text) > 18 + bool(decimals) or not _fixed(decimals)(text):
         raise ValueError(f"{text!r} is not a number with {decimals} decimals")
     return int(text.replace(".", ""))
 
@@ -537,7 +540,7 @@ def _load_sidecar(path: str, wanted: str) -> dict[str, Any] | None:
         if "\\u" in text:
             for key in {"marks", "file", "link"} & content.keys() if isinstance(content, dict) else ():
                 content[key] = json.loads(as_text(json.dumps(content[key], ensure_ascii=False)))  # older ones
-            json.dumps(content, ensure_ascii=False).encode()  # half a surrogate is no text
+        json.dumps(content, ensure_ascii=False, allow_nan=False).encode()  # half a surrogate is no text, NaN no number
     except NoFile:
         return None
     except (ValueError, RecursionError) as exc:
@@ -563,7 +566,8 @@ def _shaped(content: dict[str, Any]) -> bool:
     try:
         if not isinstance(content.get("missing") or [], list):
             return False
-        numbers = [content.get("rate_hz"), (content.get("asked") or {}).get("rate_hz")]
+        rates = [content.get("rate_hz"), (content.get("asked") or {}).get("rate_hz")]
+        numbers = [*rates, *((content.get(end) or {}).get("boot_ms") for end in ("start", "end"))]
         rows(content, "columns")
         for mark in rows(content, "marks"):
             numbers += [mark.get("row"), *(heard.get("host_utc_s") for heard in rows(mark, "heard"))]
@@ -571,6 +575,7 @@ def _shaped(content: dict[str, Any]) -> bool:
             numbers.append(segment.get("segment"))
             if fit := segment.get("clock_fit"):
                 numbers += [fit["a_s"] + 0.0, fit["b"] + 0.0]
-        return all(number is None or (isfinite(number + 0.0) and abs(number) < LATEST_S) for number in numbers)
+        fine = all(number is None or (isfinite(number + 0.0) and abs(number) < LATEST_S) for number in numbers)
+        return fine and all(rate is None or rate >= 0 for rate in rates)
     except (AttributeError, LookupError, TypeError, OverflowError):
         return False

@@ -36,9 +36,9 @@ def library() -> Any:
 
 
 class Streams:
-    """The streams of one recording: `row` and `mark` send, `heard` is called with what others send."""
+    """The streams of one recording: `row` and `mark` send, `heard` is called with what others send, by what, and when."""
 
-    def __init__(self, source: Source, rate: float, heard: Callable[[Heard], None]) -> None:
+    def __init__(self, source: Source, rate: float, heard: Callable[[str, str, float], None]) -> None:
         self._lsl = library()
         self._heard = heard
         self._over = threading.Event()
@@ -109,6 +109,4 @@ class Streams:
             except RuntimeError:  # the stream is over
                 return
             if stamp is not None:
-                mono = stamp - self._ahead
-                wall = clock.wall() - (clock.now() - mono)
-                self._heard(Heard(str(values[0]), round(wall, 6), round(mono, 6), "lsl"))
+                self._heard(str(values[0]), "lsl", stamp - self._ahead)

@@ -42,6 +42,8 @@ class Marks:
     def __init__(self, keys: Callable[[], str], *, port: int | None = None, lines: TextIO | None = None) -> None:
         """`keys` is asked for what was pressed. Raises LinkError when nobody can listen on the port."""
         self._keys = keys
+        self._ahead = clock.wall() - clock.now()
+        """What the time of day is ahead of the steady clock, read once as for the rows: it may be set meanwhile."""
         self._came: queue.SimpleQueue[Heard] = queue.SimpleQueue()
         self._socket = _listening(port) if port is not None else None
         if self._socket is not None:
@@ -58,14 +60,11 @@ class Marks:
         """The UDP port, also where 0 asked for any."""
         return self._socket.getsockname()[1] if self._socket is not None else None
 
-    def hear(self, text: str, by: str) -> None:
-        """A mark that comes now."""
-        self.put(Heard(text, round(clock.wall(), 6), round(clock.now(), 6), by))
-
-    def put(self, mark: Heard) -> None:
-        """A mark with its own time."""
-        if text := text_of(mark.text):
-            self._came.put(mark._replace(text=text))
+    def hear(self, text: str, by: str, mono_s: float | None = None) -> None:
+        """A mark that comes now, or came at `mono_s` by the steady clock."""
+        mono_s = clock.now() if mono_s is None else mono_s
+        if text := text_of(text):
+            self._came.put(Heard(text, round(mono_s + self._ahead, 6), round(mono_s, 6), by))
 
     def take(self) -> Sequence[Heard]:
         """What has come since the last call."""

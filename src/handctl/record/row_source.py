@@ -1,4 +1,8 @@
-"""The source of the rows of a recording: what the recorder needs from a device."""
+"""The source of the rows of a recording: what the recorder needs from a device.
+
+Which columns a log has is decided by its source: `MapSource` of `command.log_command` for the values of a family's map, which knows
+their units as a person reads them, or one of the family's own, such as `devices.ekso.recording_source`.
+"""
 
 from __future__ import annotations
 

@@ -7,9 +7,11 @@ import json
 import os
 import sys
 import textwrap
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
+from math import isfinite
 from typing import Any, BinaryIO
 
 import click
@@ -65,7 +67,10 @@ Track = tuple[Curve, float]
 
 @dataclass(slots=True)
 class Plotted:
-    """What one file holds. `damaged` rows had another number of fields or no time; `kind` is the family, where a sidecar says it."""
+    """What one file holds. `kind` is the family, where a sidecar says it.
+
+    damaged  rows with another number of fields or no time, and values of a curve that are no numbers
+    """
 
     path: str
     rows: int = 0
@@ -112,7 +117,14 @@ def _seconds(text: str) -> float:
     """A time of a row: seconds, or a time of day. Raises ValueError."""
     if ":" in text:
         return datetime.fromisoformat(text.replace("Z", "+00:00")).timestamp()
-    return float(text)
+    return _number(text)
+
+
+def _number(text: str) -> float:
+    """A number. Raises ValueError for a text that is none, for NaN and infinity too."""
+    if isfinite(number := float(text)):
+        return number
+    raise ValueError(text)
 
 
 class _Reading:
@@ -122,6 +134,8 @@ class _Reading:
         self._found, self._header, self._time, self._file = found, header, time, file
         self._mark = header.index("mark") if "mark" in header else -1
         self._tracks: dict[Any, Track | None] = {}
+        self._words: Counter[Any] = Counter()
+        """Values that are no numbers, by track: all of them where it is one of words, such as the name of a state."""
 
     def run(self) -> None:
         """Read it all."""
@@ -160,7 +174,9 @@ class _Reading:
             found.rows += 1
         flush(block, before)
         found.seconds = before
-        found.curves = [track[0] for track in self._tracks.values() if track is not None and track[0].count]
+        drawn = {key: track[0] for key, track in self._tracks.items() if track is not None and track[0].count}
+        found.curves = list(drawn.values())
+        found.damaged += sum(self._words[key] for key in drawn)
 
     def _rows(self) -> Iterator[list[str]]:
         """The whole rows."""
@@ -228,22 +244,23 @@ class _Reading:
                 self._tracks[key] = (curve, float(scale.of(1)) if scale else 1.0)
             self._add(key, t, column)
 
-    def _add(self, key: Any, t: float, column: Iterable[str]) -> None:
+    def _add(self, key: Any, t: float, column: Sequence[str]) -> None:
         track = self._tracks[key]
         if track is None:
             return
         curve, factor = track
-        texts = set(column)
-        failed = "" in texts
-        texts.discard("")
-        try:
-            numbers = [float(text) * factor for text in texts]
-        except ValueError:  # words, such as the name of a state
-            self._tracks[key] = None
-            return
+        numbers: dict[str, float] = {}
+        others = []
+        for text in set(column):
+            try:
+                numbers[text] = _number(text) * factor
+            except ValueError:
+                others.append(text)
         if numbers:
-            curve.add(t, min(numbers), max(numbers), numbers[-1])
-        if failed:
+            values = numbers.values()
+            curve.add(t, min(values), max(values), next(numbers[text] for text in reversed(column) if text in numbers))
+        if others:
+            self._words[key] += sum(map(column.count, filter(None, others)))
             curve.failed += 1
             curve.hole()
 
@@ -288,7 +305,8 @@ def cli(run: Run, files: Sequence[str], names: Sequence[str], opens: bool) -> Ta
     _keep(found, [name for text in names for name in text.split(",")])
     for one in found:
         if one.damaged:
-            run.journal.warn("damaged", f"{one.path}: {plural(one.damaged, 'row')} could not be read and are left out")
+            what = f"{plural(one.damaged, 'damaged place')} left out: rows or values that could not be read"
+            run.journal.warn("damaged", f"{one.path}: {what}")
     rows = [_row(one, curve) for one in found for curve in one.curves]
     moved = sum(row["moved"] for row in rows)
     run.journal.info(

@@ -7,6 +7,15 @@ SESSION = "handctl.command.open_links"
 
 ROWS = (
     mistake(
+        "an-output-replaces-a-recording",
+        "safety check missing",
+        "handctl.command.invocation",
+        "refuse_clashes",
+        "if is_recording(output.path):",
+        "if is_recording(output.path) and output.grows:",
+        "tests/kernel/test_file_gate.py::test_no_output_replaces_a_recording",
+    ),
+    mistake(
         "restore-leaves-out-what-the-firmware-lacks-unasked",
         "false success",
         "handctl.command.snapshots",

@@ -10,6 +10,15 @@ RENDER = "handctl.screen.render"
 
 ROWS = (
     mistake(
+        "two-trace-into-one-file",
+        "two locks",
+        "handctl.link.transcript",
+        "TraceFile.__init__",
+        "if not held(self._file.fileno()):",
+        "if held(self._file.fileno()) is None:",
+        "tests/kernel/test_full_disk.py::test_a_trace_that_another_command_writes_is_left_alone_and_holds_up_no_stop",
+    ),
+    mistake(
         "rest-of-a-movement-offered-on-its-own",
         "safety check missing",
         "handctl.model.write_ledger",

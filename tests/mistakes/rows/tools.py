@@ -8,6 +8,15 @@ ASKED = "tests/tools/test_terminal.py::test_what_may_write_is_asked_for"
 
 ROWS = (
     mistake(
+        "plot-damaged-value-without-a-word",
+        "evidence believed",
+        "handctl.tools.plot",
+        "_Reading.run",
+        "found.damaged += sum(self._words[key] for key in drawn)",
+        "pass",
+        "tests/tools/test_plot.py::test_a_value_that_is_none_leaves_a_hole_and_is_told",
+    ),
+    mistake(
         "terminal-forgets-what-it-has-set-going",
         "a device that moves on",
         "handctl.tools.terminal",

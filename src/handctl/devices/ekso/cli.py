@@ -29,6 +29,7 @@ from handctl.model.device import Gate, limits_of
 from handctl.model.export_formats import FORMATS
 from handctl.model.param import Step
 from handctl.model.result import Column, Journal, Table
+from handctl.wording import plural
 
 if TYPE_CHECKING:
     from handctl.devices.ekso.audit_log import AuditLog
@@ -129,12 +130,11 @@ def export(
     kind = kind or ("csv" if run.settings.format == "csv" else None)
     path = export_command.take_file(run) if kind in FORMATS else run.settings.output
     _check_options(kind, si=si, knee_sign=knee_sign, rate=rate)
-    export_command.refuse_log(path, log)
     source = LogFile(log)
     if kind in FORMATS:
         return export_command.export(run, str(path), source, kind, segment, rate)
     if kind == "csv":
-        result = exports.table(source, segment=segment, si=si, as_rows=as_rows)
+        result = exports.table(source, segment=segment, si=si, as_rows=as_rows, say=export_command.cells_of(run))
     else:
         sign = int(knee_sign or "1")
         if knee_sign is None:
@@ -164,7 +164,7 @@ def _check_options(kind: str | None, *, si: bool, knee_sign: str | None, rate: f
 def _shown(run: Run, result: Exported, as_rows: bool) -> Table:
     for remark in result.remarks:
         run.journal.warn("log", remark)
-    run.journal.info("exported", f"{result.length} rows, {result.seconds:.3f} s")
+    run.journal.info("exported", f"{plural(result.length, 'row')}, {result.seconds:.3f} s")
     if not as_rows:  # --format names the file here; what the environment says of tables means nothing
         run.settings = run.settings._replace(format="table")
     return Table(spool=result.spool.blocks)

@@ -187,8 +187,10 @@ def _resampled(points: Points, rate: float) -> Iterator[tuple[str, ...]]:
         step += 1
 
 
-def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False) -> Exported:
-    """The log's own columns, all segments or one; with `si` in metres and radians."""
+def table(
+    log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False, say: Callable[[str], str] = str
+) -> Exported:
+    """The log's own columns, all segments or one; with `si` in metres and radians. `say` makes a cell of a text."""
     layout = log.layout
     quantities = dict(zip(layout.columns, layout.shown, strict=True))
     plans = [(*to_si(name, quantities.get(name) if si else None), quantities.get(name)) for name in layout.names]
@@ -210,7 +212,7 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
         block = whole.of(segment)
         first, last = (block.t_ms[0] if first is None else first), block.t_ms[-1]
         count += len(block.t_ms)
-        if block.text and not (si or as_rows) and block is whole:
+        if block.text and not (si or as_rows) and block is whole and say is str:
             spool.take([block.text.decode()])
             continue
         columns = [
@@ -223,7 +225,7 @@ def table(log: LogFile, *, segment: int | None, si: bool, as_rows: bool = False)
             spool.take(json.dumps(row, ensure_ascii=False) for row in rows)
             continue
         for at in (names.index(MARK), names.index(f"{NAMED}_name")):
-            said = {text: quoted(text.decode()).encode() for text in set(columns[at])}
+            said = {text: quoted(say(text.decode())).encode() for text in set(columns[at])}
             columns[at] = tuple(map(said.__getitem__, columns[at]))
         spool.take([b"\r\n".join(map(b",".join, zip(*columns, strict=True))).decode() + "\r"])
     if first is None or last is None:

@@ -30,6 +30,8 @@ BLOCK = 3.0
 """Seconds for which a sensor's offset and gain are taken to be the same."""
 AROUND = 5
 """Blocks before and after that help to tell them."""
+ENDS = 3
+"""Blocks at each end that tell a drift: in one alone a slow walker may not have lifted the foot."""
 RISE = 0.10
 """Part of its gain above its offset at which a sensor is loaded, if its noise allows it; NOISES times that noise else."""
 NOISES = 6.0
@@ -109,7 +111,8 @@ class Step:
 class Figure(NamedTuple):
     """A figure of a walk: mean, deviation and number of strides.
 
-    fine  what one sample more or less changes: no mean of many strides is more certain than that
+    fine    what one sample more or less changes: no mean of many strides is more certain than that
+    shared  so many strides lie over each other, as those of two feet do: together they say no more than one
     """
 
     name: str
@@ -119,11 +122,17 @@ class Figure(NamedTuple):
     strides: int
     unit: str
     fine: float = 0.0
+    shared: int = 1
+
+    @property
+    def free(self) -> float:
+        """Degrees of freedom of the deviation: of a single stride nobody knows how much the next one differs."""
+        return self.strides / self.shared - 1
 
     @property
     def error(self) -> float:
         """Standard error of the mean."""
-        return self.deviation / sqrt(self.strides) if self.strides else 0.0
+        return self.deviation * sqrt(self.shared / self.strides)
 
 
 @dataclass
@@ -337,7 +346,7 @@ def _contacts(stretch: Stretch, side: str, sensors: Mapping[str, int], remarks: 
     for sensor, rows in sensors.items():
         values = stretch.signals[sensor]
         blocks = _blocks(stretch.t, values, rows)
-        moved, gain = blocks.offset[-1] - blocks.offset[0], max(blocks.gain)
+        moved, gain = min(blocks.offset[-ENDS:]) - min(blocks.offset[:ENDS]), max(blocks.gain)
         if gain and abs(moved) > DRIFTED * gain:
             remarks.append(f"{sensor}_pressure has drifted by {moved:+.0f} counts, {abs(moved) / gain:.0%} of its gain")
         states.append(_loaded(values, blocks).ljust(len(stretch.t), b"\0"))
@@ -412,9 +421,14 @@ def _without_bounces(t: Sequence[float], edges: Sequence[int], *, down_first: bo
 
 
 def _period(found: Sequence[Stretch]) -> float:
-    """Seconds between two samples."""
-    steps = Ordered(chain(*(map(sub, stretch.t[1:], stretch.t) for stretch in found)))
-    return steps[len(steps) // 2] if steps else 0.0
+    """Seconds between two samples. A row that only repeats the one before is none: it was asked for before the device had measured again."""
+    steps: list[Iterator[float]] = []
+    for one in found:
+        rows = pairwise(zip(*one.signals.values(), strict=True))
+        times = array("d", (t for t, (a, b) in zip(one.t[1:], rows, strict=False) if a != b))
+        steps.append(map(sub, times[1:], times))
+    ordered = Ordered(chain(*steps))
+    return ordered[len(ordered) // 2] if ordered else 0.0
 
 
 def _gaps(stretch: Stretch) -> list[tuple[float, float]]:
@@ -509,10 +523,10 @@ def _figures(taken: Sequence[Step], period: float) -> Iterator[Figure]:
         whole = figure("stride_time", "both", strides, "s")
         part = period / whole.mean
         cadence = figure("cadence", "both", [120 / stride for stride in strides], "steps/min")
-        yield cadence._replace(fine=part * cadence.mean)
-        yield Figure(
-            "stride_variability", "both", 100 * whole.deviation / whole.mean, 0.0, whole.strides, "%", 100 * part
-        )
+        shared, varies = len({step.side for step in taken}), 100 * whole.deviation / whole.mean
+        yield cadence._replace(fine=part * cadence.mean, shared=shared)
+        # A deviation is known from n values to 1 / sqrt(2 n) of itself.
+        yield Figure("stride_variability", "both", varies, varies / sqrt(2), whole.strides, "%", 100 * part, shared)
     for name in ("stride_time", "stance_share", "knee_range"):
         if len(pair := both.get(name, [])) == 2 and (total := pair[0].mean + pair[1].mean):
             left, right = pair
@@ -523,27 +537,35 @@ def _figures(taken: Sequence[Step], period: float) -> Iterator[Figure]:
 
 
 class Difference(NamedTuple):
-    """A figure of two walks. `error` is the half width of the 95 % interval of their difference."""
+    """A figure of two walks. `error` is the half width of the 95 % interval of their difference, None = too few strides to know one."""
 
     before: Figure
     after: Figure
     change: float
-    error: float
+    error: float | None
 
     @property
     def clear(self) -> bool:
         """Whether the interval leaves out 0."""
-        return abs(self.change) > self.error
+        return self.error is not None and abs(self.change) > self.error
 
 
 def compared(before: Walk, after: Walk) -> list[Difference]:
     """The figures that both walks have."""
     later = {(one.name, one.side): one for one in after.figures}
     return [
-        Difference(one, two, two.mean - one.mean, 1.96 * sqrt(one.error**2 + two.error**2) + max(one.fine, two.fine))
+        Difference(one, two, two.mean - one.mean, _interval(one, two))
         for one in before.figures
         if (two := later.get((one.name, one.side))) is not None
     ]
+
+
+def _interval(one: Figure, two: Figure) -> float | None:
+    """Half the 95 % interval of their difference, by Student's t: of few strides the deviation itself is uncertain."""
+    if (free := min(one.free, two.free)) <= 0:
+        return None
+    student = 1.96 + 2.37 / free + 2.82 / free**2 + 2.56 / free**3  # Cornish-Fisher; 3 % low at two degrees
+    return student * sqrt(one.error**2 + two.error**2) + max(one.fine, two.fine)
 
 
 def curve(walk: Walk, side: str, signal: str, points: int = 101) -> list[tuple[float, float]]:

@@ -25,7 +25,7 @@ FIGURES = (
     Column("side", "Side"),
     Column("value", "Mean", right=True),
     Column("deviation", "SD", right=True),
-    Column("strides", "Steps", right=True),
+    Column("strides", "Strides", right=True),
     Column("unit", "Unit"),
 )
 CHANGES = (
@@ -80,7 +80,8 @@ def add_gait(group: Group) -> None:
         changed = _settings(source.sidecar, after.sidecar)
         rows = [
             {"name": one.before.name, "side": one.before.side, "before": round(one.before.mean, 3) + 0.0,
-             "after": round(one.after.mean, 3) + 0.0, "change": round(one.change, 3) + 0.0, "interval": round(one.error, 3),
+             "after": round(one.after.mean, 3) + 0.0, "change": round(one.change, 3) + 0.0,
+             "interval": None if one.error is None else round(one.error, 3),
              "unit": one.before.unit, "clear": "yes" if one.clear else "no"}
             for one in compared(walk, second)
         ]  # fmt: skip

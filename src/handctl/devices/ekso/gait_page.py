@@ -55,7 +55,7 @@ def _body(found: Sequence[Recording], figures: Table) -> Iterator[str]:
         yield '<p class="mark">Simulated: these values are not from a device</p>\n'
     yield f'<p class="note">{NOT_A_DIAGNOSIS}</p>\n'
     yield facts([(one.name or "log", _about(one)) for one in found])
-    remarks = [(one, remark) for one in found for remark in one.walk.remarks]
+    remarks = [(one, remark) for one in found for remark in (*_of_log(one.log), *one.walk.remarks)]
     if remarks:
         items = "".join(
             f"<li>{escape(sentence(f'{one.name}: ' * bool(one.name) + remark))}</li>" for one, remark in remarks
@@ -86,6 +86,11 @@ def _about(one: Recording) -> str:
         for what, why, number in walk.verdicts
     ]
     return ", ".join(filter(None, told))
+
+
+def _of_log(log: LogFile) -> list[str]:
+    """What keeps it from being whole: the page goes where the folder of the log is nobody's business."""
+    return [remark.replace(log.path, os.path.basename(log.path)) for remark in log.remarks()]
 
 
 def _span(walk: Walk) -> tuple[float, float]:
