@@ -9,7 +9,7 @@ ROWS = (
     mistake(
         "an-output-replaces-a-recording",
         "safety check missing",
-        "handctl.command.invocation",
+        "handctl.command.settings_and_checks",
         "refuse_clashes",
         "if is_recording(output.path):",
         "if is_recording(output.path) and output.grows:",

@@ -752,10 +752,10 @@ ROWS = (
     mistake(
         "can-echo-taken-for-an-acknowledgement",
         "evidence believed",
-        "handctl.devices.inspire.can_bus",
-        "answers",
-        'return len(frame.data) <= 1 and (frame != request or frame.data == b"\\x01")',
-        "return len(frame.data) <= 1",
+        "handctl.devices.inspire.can_frames",
+        "acknowledges",
+        'return len(data) <= 1 and (data != written or data == b"\\x01")',
+        "return len(data) <= 1",
         "tests/inspire/test_can_bus.py::test_the_echo_of_one_byte_is_no_acknowledgement",
     ),
     mistake(
