@@ -98,8 +98,12 @@ def stop(
                 run.journal.warn("other-device", f"the device that it was using: {other['text']}", other["hint"])
     if told is None or other is not None or not (told["open"] or told["refused"]):
         told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise, turns=turns)
-        if unheard(told["error"], told["rows"]) and _drop_stale_id(run, until):
-            told = joined_reports(told, _from_here(run, lock, sequence, until, patient=False, otherwise=otherwise))
+        if unheard(told["error"], told["rows"]) and not (until and until.expired):
+            again = partial(_from_here, run, lock, sequence, until, patient=False, otherwise=otherwise)
+            if former := _back_to_former_id(run):
+                told = _with_former_id(told, again(), former)
+            elif _drop_stale_id(run):
+                told = joined_reports(told, again())
         if other is not None:
             told = joined_reports(other, told)
     if reached is not None:
@@ -343,20 +347,45 @@ def _of_others(run: Run) -> bool:
     return run.sources.get("id") == OTHERS
 
 
-def _drop_stale_id(run: Run, until: Deadline | None) -> bool:
+def _back_to_former_id(run: Run) -> int | None:
+    """Use the id that the device of this run had before handctl gave it another one, which may be lost: with the power, until it is
+    saved (exo §2.3.4). None where handctl has set no such device going, or its id was typed."""
+    if run.session is not None or run.sources.get("id") == COMMAND_LINE:
+        return None
+    assert run.family is not None
+    key = run.family.kind, run.settings.id or 1
+    for one in [one for one in remembered(run.link_name(), run.family.tcp_port)[1] if one.key == key and one.was]:
+        run.journal.warn(
+            "former-id", f"no device replied at id {key[1]}, so the one with its former id {one.was} is stopped, too"
+        )
+        run.settings = run.settings._replace(id=one.was)
+        return one.was
+    return None
+
+
+def _with_former_id(told: dict[str, Any], then: dict[str, Any], former: int) -> dict[str, Any]:
+    """The report of a stop that nothing heard, followed by the one at the `former` id. That this one was acknowledged does not show that
+    it is the same device: it is no success."""
+    worse = max(
+        (told, then), key=lambda one: getattr(errors, one["error"], HandctlError).exit_code if one["error"] else 0
+    )
+    text = errors.joined(told["text"], f"id {former}: {then['text']}")
+    return {
+        **joined_reports(told, then),
+        "text": text,
+        "id": told["id"],
+        **{key: worse[key] for key in ("error", "hint", "stranger")},
+    }
+
+
+def _drop_stale_id(run: Run) -> bool:
     """Whether to try once more with the id that devices are shipped with: nothing replied at one that was not typed.
 
     A named device keeps its id if the configuration has another device on the same line: that one is not to be stopped.
     """
     source, number = run.sources.get("id"), run.settings.id
     assert run.family is not None
-    if (
-        not run.family.ids
-        or source in (None, COMMAND_LINE)
-        or _of_others(run)
-        or number in (None, 1)
-        or (until and until.expired)
-    ):
+    if not run.family.ids or source in (None, COMMAND_LINE) or _of_others(run) or number in (None, 1):
         return False
     if source is not None and source.level == NAMED and run.shares_line:
         return False
