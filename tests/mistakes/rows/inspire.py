@@ -355,11 +355,12 @@ ROWS = (
     mistake(
         "inspire-a-current-at-rest-is-contact",
         "evidence believed",
-        "handctl.devices.inspire.register_device",
-        "RegisterDevice.moved",
-        "deeper |= {name: one._replace(currents=()) for name, one in deeper.items() if name not in seen.moved}",
-        "pass",
+        "handctl.model.movement",
+        "Watch._arrival",
+        "if axis.moved:  # else it has met nothing on its way, whatever it draws now",
+        "if True:",
         "tests/inspire/test_exo_motion.py::test_an_end_off_the_way_to_the_target_is_none_that_is_expected",
+        "tests/aidin/test_motion.py::test_what_never_moved_has_met_nothing",
     ),
     mistake(
         "inspire-an-old-status-is-contact",

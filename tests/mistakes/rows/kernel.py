@@ -601,6 +601,16 @@ ROWS = (
         "tests/contract/test_truth.py::test_nothing_arrives_that_is_blocked",
     ),
     mistake(
+        "what-was-over-before-the-first-reading-never-began",
+        "wrong words",
+        "handctl.model.movement",
+        "_Axis.__init__",
+        "self.anchor = anchor",
+        "self.anchor = None",
+        "tests/kernel/test_movement.py::test_what_was_over_before_the_first_reading_has_moved",
+        "tests/aidin/test_motion.py::test_what_stops_on_the_ramp_has_moved",
+    ),
+    mistake(
         "what-never-began-has-ended-somewhere",
         "false success",
         "handctl.model.movement",

@@ -512,10 +512,7 @@ class RegisterDevice(Device):
             clock = self.bus.clock(wait, this.still.refresh)
             self.bus.pause(this.pause)
             seen = watch(this.goals, this.still, look, prompts, clock, before)
-            deeper = this.evidence(seen, last) or {}
-            # what has not moved has met nothing on its way, whatever it draws now
-            deeper |= {name: one._replace(currents=()) for name, one in deeper.items() if name not in seen.moved}
-            arrivals = seen.arrivals(deeper)
+            arrivals = seen.arrivals(this.evidence(seen, last))
             if any(one.verdict == ASTRAY for one in arrivals):
                 told = self._commanded(this)
                 arrivals = [by_whom(one, told.get(one.goal.name)) if one.verdict == ASTRAY else one for one in arrivals]
