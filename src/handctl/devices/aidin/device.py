@@ -160,6 +160,8 @@ class AidinHand(Device):
             return OK, "the values of the feedback change"
         if stands := live.frozen(self.conversation.feedback_at):
             return FAIL, f"the feedback has frozen: for {stands:.1f} s {OLD}"
+        if not live.senses:
+            return SKIPPED, "the hand does not send sensor_state, whose noise would show whether it repeats old feedback"
         if live.same < OBJECTS:
             return SKIPPED, f"feedback comes too seldom to see whether it changes: {plural(live.same + 1, 'message')}"
         return SKIPPED, f"in {plural(live.same + 1, 'message')} {OLD}: {NO_NOISE}"
