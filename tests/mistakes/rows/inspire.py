@@ -363,6 +363,15 @@ ROWS = (
         "tests/aidin/test_motion.py::test_what_never_moved_has_met_nothing",
     ),
     mistake(
+        "frames-of-one-line-are-not-sent",
+        "ledger lies",
+        "handctl.model.write_ledger",
+        "Ledger._parts",
+        'return [step._replace(data=data, meaning="") for data in found] if len(found) > 1 else (step,)',
+        "return (step,)",
+        "tests/inspire/test_exo_raw.py::test_each_of_several_frames_is_a_step",
+    ),
+    mistake(
         "inspire-an-old-status-is-contact",
         "evidence believed",
         "handctl.devices.inspire.hand.motion",
