@@ -7,7 +7,7 @@ from contextlib import suppress
 
 import pytest
 
-from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire import id_baud_save_reset, proofs
 from handctl.devices.inspire.exo import calibration
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
@@ -15,6 +15,7 @@ from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, P
 from handctl.model.prompts import Prompts
 from tests.support.cli import run
 from tests.support.each_row import each_row
+from tests.support.refused import refused
 from tests.support.scripted import (
     NotedGuide,
     RecordedLink,
@@ -221,6 +222,34 @@ def test_an_id_that_may_wait_for_a_power_cycle_is_not_called_unchanged(
         id_baud_save_reset.change_id(hand, 2)
     assert caught.value.code == code
     assert ("safe" in caught.value.hint) == safe and ("power-cycle" in caught.value.hint.lower()) != safe
+
+
+@each_row(("takes", "left"), [(2, 1), (1, 253)])
+def test_a_proof_takes_back_an_id_that_waits_for_a_power_cycle(takes: int, left: int) -> None:
+    """The hand goes on to answer to its old id, while register 1000 has the new one: the next save would keep that."""
+    register, written = [1], list[int]()
+
+    def answer(request: bytes) -> list[Reply]:
+        number, flag = request[2], request[4]
+        if number != 1:
+            return []
+        if flag == 0x12:
+            written.append(request[7])
+            register[0] = request[7] if len(written) <= takes else register[0]
+            body = request[4:7] + b"\x01"
+        else:
+            memory = bytes(register) if request[5:7] == b"\xe8\x03" else bytes(range(1, 200))
+            body = request[4:7] + memory[: request[7]].ljust(request[7], b"\0")
+        whole = bytes([1, len(body)]) + body
+        return [(0.001, b"\x90\xeb" + whole + bytes([sum(whole) % 256]))]
+
+    hand = hand_on(ScriptedLink(answer))
+    if left == 1:
+        assert proofs._acknowledged(hand).value == "old"
+    else:
+        with refused(CheckFailed, "read-back", "253"):
+            proofs._acknowledged(hand)
+    assert written == [253, 1] and register == [left]
 
 
 def test_hand_gone_after_the_id_change() -> None:
