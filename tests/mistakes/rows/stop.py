@@ -856,6 +856,15 @@ ROWS = (
         "tests/stop/test_whose.py::test_an_id_that_nobody_has_holds_up_no_stop",
     ),
     mistake(
+        "stop-is-shown-by-a-reading-that-is-no-position",
+        "evidence believed",
+        "handctl.devices.inspire.stop_requests",
+        "Axes.judge",
+        "if stopped.error is None and lost:",
+        "if False:",
+        "tests/stop/test_standstill.py::test_a_reading_that_is_no_position_shows_no_standstill",
+    ),
+    mistake(
         "stop-to-a-new-id-that-was-lost-with-the-power",
         "stop not sent",
         "handctl.stop.stop_command",
