@@ -282,7 +282,8 @@ class Watch:
     def _arrival(self, axis: _Axis, deeper: AxisReading | None) -> Arrival:
         value, goal, near = axis.seen.value, axis.goal, axis.near
         if value is None:
-            return Arrival(goal, None, UNREAD)
+            fault = deeper.blocked if deeper is not None else ""
+            return Arrival(goal, None, BLOCKED if fault else UNREAD, fault)
         if self._stopped_by_fault(axis):
             return Arrival(goal, value, BLOCKED, axis.seen.blocked)
         if near and not (axis.moved and not self._rests(axis)):

@@ -363,6 +363,15 @@ ROWS = (
         "tests/aidin/test_motion.py::test_what_never_moved_has_met_nothing",
     ),
     mistake(
+        "exo-no-value-is-the-closed-end",
+        "false success",
+        "handctl.devices.inspire.exo.device",
+        "_place",
+        "return None if reading.value == ALONE else reading.value",
+        "return reading.value",
+        "tests/inspire/test_exo_motion.py::test_no_value_is_not_the_closed_end",
+    ),
+    mistake(
         "frames-of-one-line-are-not-sent",
         "ledger lies",
         "handctl.model.write_ledger",

@@ -367,12 +367,17 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
         [Goal(FINGERS[index], value, NEAR) for index, value in values.items()],
         STILL,
         EXO["position_actual"].each,
-        lambda readings: {reading.element.part or "": AxisReading(reading.value) for reading in readings},
+        lambda readings: {reading.element.part or "": AxisReading(_place(reading)) for reading in readings},
         lambda seen, _: _evidence(hand) if seen.short else None,
         currents=CURRENTS,
         targets=EXO["position_set"].each,
     )
     return hand.moved(this, lambda: hand.command_some("position", values), prompts, wait=wait, expect=expect)[0]
+
+
+def _place(reading: Reading) -> Number | None:
+    """Where a finger is; -1, the mark for no value (exo §2.3.7), is near 0 and no place."""
+    return None if reading.value == ALONE else reading.value
 
 
 def _evidence(hand: ExoHand) -> dict[str, AxisReading]:
