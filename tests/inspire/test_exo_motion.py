@@ -595,20 +595,24 @@ def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:
 
 
 @each_row(
-    ("family", "address", "targets", "code"),
+    ("family", "address", "targets", "places", "code"),
     [
-        ("exo", 1486, "FFFF FFFF FFFF FFFF FFFF", 8),
-        ("exo", 1486, "FFFF FFFF FFFF F401 FFFF", 8),
-        ("exo", 1486, "F401 F401 F401 F401 F401", 8),
-        ("exo", 1486, "0000 0000 0000 0000 0000", 0),
-        ("hand", 1474, "FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF", 8),
+        ("exo", 1486, "FFFF FFFF FFFF FFFF FFFF", "0000", 8),
+        ("exo", 1486, "FFFF FFFF FFFF F401 FFFF", "0000", 8),
+        ("exo", 1486, "F401 F401 F401 F401 F401", "0000", 8),
+        ("exo", 1486, "0000 0000 0000 0000 0000", "0000", 0),
+        ("exo", 1486, "0000 0000 0000 0000 0000", "FEFF", 0),
+        ("exo", 1486, "0000 0000 0000 0000 0000", "FFFF", 8),
+        ("hand", 1474, "FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF", "", 8),
     ],
 )
-def test_clearing_an_error_asks_where_a_target_is_not_shown(family: str, address: int, targets: str, code: int) -> None:
-    """An actuator with an error was driven: where its target reads -1, nobody knows whether it goes on (exo §2.3.7)."""
+def test_clearing_an_error_asks_where_a_target_or_place_is_not_shown(
+    family: str, address: int, targets: str, places: str, code: int
+) -> None:
+    """An actuator with an error was driven: where its target or position reads -1, nobody knows whether it goes on (exo §2.3.7)."""
     holds = {address: unhex(targets), 1498: bytes(10), 1606: bytes([1] * 6)}
     if family == "exo":
-        holds[1546] = bytes(12)
+        holds[1546] = unhex(places) * 6
     with odd_registers(holds=holds):
         result = run(family, "clear-errors", "-p", f"fake://{family}?clock=virtual", "--json")
     assert (result.code == 8) == (code == 8), result

@@ -363,6 +363,15 @@ ROWS = (
         "tests/aidin/test_motion.py::test_what_never_moved_has_met_nothing",
     ),
     mistake(
+        "exo-an-error-is-cleared-unasked-at-an-unknown-place",
+        "moves unasked",
+        "handctl.model.device",
+        "SetpointPair.reached",
+        "return here != self.unknown and abs(target - here) <= self.near",
+        "return abs(target - here) <= self.near",
+        "tests/inspire/test_exo_motion.py::test_clearing_an_error_asks_where_a_target_or_place_is_not_shown",
+    ),
+    mistake(
         "exo-no-value-is-the-closed-end",
         "false success",
         "handctl.devices.inspire.exo.device",

@@ -579,7 +579,7 @@ ROWS = (
         "pending_moves",
         "if part in triggered:",
         "if False:",
-        "tests/inspire/test_exo_motion.py::test_clearing_an_error_asks_where_a_target_is_not_shown",
+        "tests/inspire/test_exo_motion.py::test_clearing_an_error_asks_where_a_target_or_place_is_not_shown",
     ),
     mistake(
         "waiting-target-let-go-unasked",

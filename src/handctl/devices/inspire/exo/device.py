@@ -103,7 +103,7 @@ class ExoHand(RegisterDevice):
     vital = ("error", "temperature")
     view = staticmethod(registers_view)
     worn = True
-    setpoint_pairs = (SetpointPair("position_set", "position_actual", NEAR, closing=-1),)
+    setpoint_pairs = (SetpointPair("position_set", "position_actual", NEAR, closing=-1, unknown=ALONE),)
     releases = (Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),)
     not_covered = (
         "the results of a calibration (no register holds them)",
