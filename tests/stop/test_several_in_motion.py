@@ -109,6 +109,23 @@ def test_ctrl_c_stops_each_device_that_a_line_has_left_moving(
     assert (result.code, set(stops_in(sent))) == (code, stops), result
 
 
+@each_row(("lines", "code", "stops"), [
+    ((f"{GO} 1", "exo id 7 -y", "exo stop"), 0, [EXO_7]),
+    ((f"{GO} 1", "exo id 7 -y --id 1", "exo stop --id 7"), 0, [EXO_7]),
+    ((f"{GO} 1", "exo id 7 -y --id 1", "exo stop --id 1"), 4, [EXO_1]),  # what is typed stands
+    ((f"{GO} 2", f"{GO} 1", "exo stop"), 0, [EXO_1, EXO_2]),
+    ((f"{GO} 2", "exo id 7 -y --id 2", "exo stop"), 0, [EXO_1, EXO_7]),
+    ((f"{GO} 2", TURN, "exo stop"), 0, [EXO_1, EXO_2]),
+])  # fmt: skip
+def test_a_line_that_stops_reaches_what_earlier_lines_have_left_moving(
+    lines: tuple[str, ...], code: int, stops: list[str], tmp_path: Path
+) -> None:
+    """As a command of its own does: at the id that a line has given the device since, and each other one of its family."""
+    with noting() as sent:
+        result = run("batch", "-p", f"fake://bus?file={bus(tmp_path)}&clock=virtual", "--json", stdin="\n".join(lines))
+    assert (result.code, stops_in(sent)) == (code, stops), result
+
+
 @each_row(
     ("way", "deaf"),
     [("guard", ""), ("guard", EXO_2), ("ctrl-c", ""), ("ctrl-c", EXO_1), ("asked", ""), ("asked", EXO_2)],

@@ -30,6 +30,7 @@ from handctl.stop import stop_command, stop_listener
 from handctl.stop.device_access import DeviceAccess, lock_for
 from handctl.stop.stop_listener import is_meant
 from tests.stop.bench import PORT, Bench, lock_file
+from tests.stop.test_several_in_motion import noting
 from tests.support.cli import PATIENCE, Result, run
 from tests.support.each_row import each_row
 from tests.support.stop import RELEASE, Stand
@@ -259,6 +260,17 @@ def test_what_moves_is_stopped_at_its_new_id(words: tuple[str, ...], now: int, b
         assert going() == [("exo", now)]
         result = run("exo", "stop", *where, "--json", env={"HANDCTL_CONFIG": str(file)})
         assert (result.code, stopped_ids(result), going()) == (0, [now], []), result
+
+
+@each_row("stop", ["stop", "exo stop"])
+def test_a_line_stops_what_moves_at_its_new_id_alone(stop: str, bench: Bench) -> None:
+    """The id of before is not even that of the device that was talked to last."""
+    bench.there = "exo?"
+    lines = "\n".join((" ".join(EXO), "exo id 5 -y", stop))
+    with noting() as sent:
+        result = run("batch", "-p", PORT, "--json", stdin=lines)
+    assert result.code == 0, result
+    assert {data[2] for data in sent if data[4:5] == b"\x31"} == {5}
 
 
 @each_row("family, moves", [("exo", EXO), ("hand", HAND)])
