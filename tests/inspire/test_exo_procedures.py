@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 import pytest
 
@@ -361,6 +362,23 @@ def test_baud_that_did_not_take_names_both_addresses() -> None:
     assert caught.value.exit_code == 7
     assert "1001" in caught.value.hint
     assert "1002" in caught.value.hint
+    assert changing(link.sent) == [BAUD_1]
+
+
+@each_row("acknowledged", [True, False])
+def test_a_hand_that_is_gone_behind_a_baud_change_may_be_at_the_new_speed(acknowledged: bool) -> None:
+    """The manual does not say when it acts (exo §2.3.2): the usual hint names the old speed alone."""
+    hand, link = fake_hand()
+    plain = link.read
+
+    def read(*given: Any, **more: Any) -> bytes:
+        came = plain(*given, **more)
+        return came if BAUD_1 not in changing(link.sent) or (acknowledged and hexed(link.sent[-1]) == BAUD_1) else b""
+
+    link.read = read  # type: ignore[method-assign]
+    with pytest.raises(NoAnswer) as caught:
+        id_baud_save_reset.change_baud(hand, 57600)
+    assert "--baud 57600" in caught.value.hint
     assert changing(link.sent) == [BAUD_1]
 
 
