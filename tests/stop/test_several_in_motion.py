@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -31,7 +30,7 @@ from handctl.model.stop_sequence import StopContext, StopPlan
 from handctl.stop import stop_listener
 from handctl.stop.stop_listener import StopListener
 from handctl.system import local_socket
-from tests.stop.bench import noting_access
+from tests.stop.bench import noting, noting_access
 from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, clean_environment, run, start
 from tests.support.each_row import each_row
@@ -56,21 +55,6 @@ def stops_in(sent: list[bytes]) -> list[str]:
     """Which devices were stopped, in this order, each once."""
     found = [start for data in sent for start in (EXO_1, EXO_2, EXO_7, WRIST) if data.hex().startswith(start)]
     return list(dict.fromkeys(found))
-
-
-@contextmanager
-def noting(deaf: str = "") -> Iterator[list[bytes]]:
-    """What is written to a simulated line; who is `deaf` hears nothing of it once it is being stopped."""
-    sent: list[bytes] = []
-    write = FakeLink.write
-
-    def noted(link: FakeLink, data: bytes, deadline: Any) -> None:
-        sent.append(data)
-        if not deaf or not data.hex().startswith(deaf):
-            write(link, data, deadline)
-
-    with mock.patch.object(FakeLink, "write", noted):
-        yield sent
 
 
 # -- Ctrl-C ----------------------------------------------------------------------------------------------------------------

@@ -29,8 +29,7 @@ from handctl.model.result import Journal
 from handctl.stop import stop_command, stop_listener
 from handctl.stop.device_access import DeviceAccess, lock_for
 from handctl.stop.stop_listener import is_meant
-from tests.stop.bench import PORT, Bench, lock_file
-from tests.stop.test_several_in_motion import noting
+from tests.stop.bench import PORT, Bench, lock_file, noting
 from tests.support.cli import PATIENCE, Result, run
 from tests.support.each_row import each_row
 from tests.support.stop import RELEASE, Stand
