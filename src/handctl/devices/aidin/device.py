@@ -163,7 +163,7 @@ class AidinHand(Device):
         if not live.senses:
             return (
                 SKIPPED,
-                "the hand does not send sensor_state, whose noise would show whether it repeats old feedback",
+                "the feedback has no valid sensor_state, whose noise would show whether the hand repeats old feedback",
             )
         if live.same < OBJECTS:
             return SKIPPED, f"feedback comes too seldom to see whether it changes: {plural(live.same + 1, 'message')}"
