@@ -298,3 +298,12 @@ def test_status_and_doctor_tell_it(name: str, link: Callable[[], ByteLink], code
     (found,) = probe.further(hand, True)
     assert found[:2] == ("feedback", row) and bool(found[3]) == (row == "fail"), name
     assert not list(probe.further(hand, False))
+
+
+def test_a_hand_without_sensors_is_not_said_to_send_seldom() -> None:
+    """It sends a hundred objects a second, but none that could show noise."""
+    link = Streamer(lambda _: line({key: value for key, value in at(MID).items() if key != "sensor_state"}))
+    hand = hand_on(link)
+    hand.dump()
+    state, evidence = hand.liveness()
+    assert (state, "sensor_state" in evidence, "seldom" in evidence) == ("skipped", True, False)

@@ -32,6 +32,7 @@ from tests.aidin.support import (
     stopped_behind,
     streamer,
 )
+from tests.support.cli import spying
 from tests.support.each_row import each_row
 from tests.support.refused import refused
 from tests.support.scripted import ScriptedLink
@@ -299,18 +300,25 @@ def test_a_program_that_was_held_up_looks_before_it_judges(behind: int) -> None:
 
 
 def test_what_does_not_arrive_is_named() -> None:
-    hand, link = simulated(start="homed", fault="blocked", rate=20)
-    table = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False)
-    assert table.failure is not None and table.failure.exit_code == 7
-    assert "index.m3" in table.failure.text and "41660 cts" in table.failure.text
-    assert {row["element"]: row["arrival"] for row in table.rows if row["arrival"] != "reached"} == {"m3": "contact"}
-    again = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False, expect="contact")
-    assert again.failure is not None, "it pushed as much before, so this movement has met nothing"
-    hand, link = simulated(start="homed", fault="blocked", rate=20)
+    with spying() as spy:
+        hand, link = simulated(start="homed", rate=20)
+    spy.lines[-1].device.hand.motors[5].ceiling = 60000.0
     gripped = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False, expect="contact")
     assert gripped.failure is None, "its current shows that it pushes"
-    assert [row["element"] for row in table.rows if not row["reached"]] == ["m3"]
+    assert {row["element"]: row["arrival"] for row in gripped.rows if row["arrival"] != "reached"} == {"m3": "contact"}
+    assert [row["element"] for row in gripped.rows if not row["reached"]] == ["m3"]
+    again = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False, expect="contact")
+    assert again.failure is not None, "it pushed as much before, so this movement has met nothing"
+    assert again.failure.exit_code == 7 and "index.m3" in again.failure.text and "60000 cts" in again.failure.text
     assert link.now() < 20
+
+
+def test_what_never_moved_has_met_nothing() -> None:
+    """However hard it pushes: a gear that is jammed does that too."""
+    hand, _ = simulated(start="homed", fault="blocked", rate=20)
+    table = motion.move(hand, parse(ENCODERS, ["index.m3=85000"]), Prompts(), assume_homed=False, expect="contact")
+    assert {row["element"]: row["arrival"] for row in table.rows if row["arrival"] != "reached"} == {"m3": "unmoved"}
+    assert table.failure is not None and table.failure.exit_code == 7
 
 
 def test_passing_by_is_not_arriving() -> None:
@@ -319,6 +327,31 @@ def test_passing_by_is_not_arriving() -> None:
         hand_on(link), parse(ENCODERS, ["0"] * 5 + ["85000"] + ["0"] * 9), Prompts(), assume_homed=False
     )
     assert table.failure is not None
+
+
+@each_row(
+    ("kind", "key", "wanted", "begin", "end"),
+    [
+        (ENCODERS, "motor_pos", "index.m3=85000", 51000, 70000),
+        (ANGLES, "joint_pos", "index.q3=116", 2.74, 2.60),
+        (TIPS, "task_space_pos", "index.z=20", 104.0, 90.0),
+    ],
+)
+def test_what_stops_on_the_ramp_has_moved(kind: Any, key: str, wanted: str, begin: float, end: float) -> None:
+    """It stands before the ramp has ended, and no current shows a push."""
+    place = 6 if key == "joint_pos" else 5
+
+    def told(t: float) -> bytes:
+        now = feedback()
+        now[key][place] = type(begin)(begin + (end - begin) * min(1.0, 2 * t))
+        return line(now)
+
+    for expect, code in (("reached", 7), ("any", 0)):
+        table = motion.move(hand_on(Streamer(told)), parse(kind, [wanted]), Prompts(), assume_homed=True, expect=expect)
+        assert {row["arrival"] for row in table.rows} == {"reached", "short", None} - (
+            {None} if kind is not ANGLES else set()
+        )
+        assert (table.failure.exit_code if table.failure else 0) == code, table.failure
 
 
 def test_an_interrupted_movement_is_stopped() -> None:

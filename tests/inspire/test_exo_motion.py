@@ -217,7 +217,7 @@ def scripted_motion(
             return [(0.0, unhex("90 EB 01 0B 32 00 00 00 00 00 00 00 00 00 00 3E"))]
         memory = bytearray(2000)
         here = place(link.now() - since[0] if since else 0.0)
-        memory[1546:1558] = here.to_bytes(2, "little") * 6
+        memory[1546:1558] = here.to_bytes(2, "little", signed=True) * 6
         memory[1486:1496] = target.to_bytes(2, "little") * 5
         memory[1594:1604] = (current if since else rest).to_bytes(2, "little") * 5
         memory[1606:1611] = bytes([error] * 5)
@@ -307,6 +307,25 @@ def test_an_end_off_the_way_to_the_target_is_none_that_is_expected(
     assert (table.failure.exit_code if table.failure else 0) == code
     assert code != 6 or (table.failure is not None and table.failure.code == "astray")
     assert sum(request[4:7] == b"\x11\xce\x05" for request in link.sent) == asked
+
+
+@each_row(
+    ("place", "error", "arrival"),
+    [
+        (lambda seconds: 110 if seconds < 0.3 else -1, 0, "unread"),
+        (lambda _: -1, 0, "unread"),
+        (lambda seconds: 110 if seconds < 0.3 else -1, 16, "blocked"),
+        (lambda seconds: 110 if seconds < 0.3 else -2, 0, "reached"),  # a little past the end
+        (lambda seconds: -1 if 0.3 < seconds < 0.5 else 0, 0, "reached"),
+    ],
+)
+def test_no_value_is_not_the_closed_end(place: Callable[[float], int], error: int, arrival: str) -> None:
+    """-1 means that there is no value (exo §2.3.7). It is as near to 0 as a finger that has arrived there."""
+    table = procedures.move(
+        hand_on(scripted_motion(place, error=error)), dict.fromkeys(range(5), 0), Prompts(), wait=4.0
+    )
+    assert [row["arrival"] for row in table.rows if row["finger"] != "thumb_rotation"][:5] == [arrival] * 5
+    assert (table.failure.exit_code if table.failure else 0) == (0 if arrival == "reached" else 7)
 
 
 @each_row(
@@ -576,20 +595,24 @@ def test_a_link_lost_during_a_calibration_says_that_it_goes_on() -> None:
 
 
 @each_row(
-    ("family", "address", "targets", "code"),
+    ("family", "address", "targets", "places", "code"),
     [
-        ("exo", 1486, "FFFF FFFF FFFF FFFF FFFF", 8),
-        ("exo", 1486, "FFFF FFFF FFFF F401 FFFF", 8),
-        ("exo", 1486, "F401 F401 F401 F401 F401", 8),
-        ("exo", 1486, "0000 0000 0000 0000 0000", 0),
-        ("hand", 1474, "FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF", 8),
+        ("exo", 1486, "FFFF FFFF FFFF FFFF FFFF", "0000", 8),
+        ("exo", 1486, "FFFF FFFF FFFF F401 FFFF", "0000", 8),
+        ("exo", 1486, "F401 F401 F401 F401 F401", "0000", 8),
+        ("exo", 1486, "0000 0000 0000 0000 0000", "0000", 0),
+        ("exo", 1486, "0000 0000 0000 0000 0000", "FEFF", 0),
+        ("exo", 1486, "0000 0000 0000 0000 0000", "FFFF", 8),
+        ("hand", 1474, "FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF FFFF", "", 8),
     ],
 )
-def test_clearing_an_error_asks_where_a_target_is_not_shown(family: str, address: int, targets: str, code: int) -> None:
-    """An actuator with an error was driven: where its target reads -1, nobody knows whether it goes on (exo §2.3.7)."""
+def test_clearing_an_error_asks_where_a_target_or_place_is_not_shown(
+    family: str, address: int, targets: str, places: str, code: int
+) -> None:
+    """An actuator with an error was driven: where its target or position reads -1, nobody knows whether it goes on (exo §2.3.7)."""
     holds = {address: unhex(targets), 1498: bytes(10), 1606: bytes([1] * 6)}
     if family == "exo":
-        holds[1546] = bytes(12)
+        holds[1546] = unhex(places) * 6
     with odd_registers(holds=holds):
         result = run(family, "clear-errors", "-p", f"fake://{family}?clock=virtual", "--json")
     assert (result.code == 8) == (code == 8), result

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from typing import Any
 
 import pytest
 
-from handctl.devices.inspire import id_baud_save_reset
+from handctl.devices.inspire import id_baud_save_reset, proofs
 from handctl.devices.inspire.exo import calibration
 from handctl.devices.inspire.exo import device as motion
 from handctl.devices.inspire.exo.device import ExoHand
@@ -15,6 +16,7 @@ from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, P
 from handctl.model.prompts import Prompts
 from tests.support.cli import run
 from tests.support.each_row import each_row
+from tests.support.refused import refused
 from tests.support.scripted import (
     NotedGuide,
     RecordedLink,
@@ -223,6 +225,34 @@ def test_an_id_that_may_wait_for_a_power_cycle_is_not_called_unchanged(
     assert ("safe" in caught.value.hint) == safe and ("power-cycle" in caught.value.hint.lower()) != safe
 
 
+@each_row(("takes", "left"), [(2, 1), (1, 253)])
+def test_a_proof_takes_back_an_id_that_waits_for_a_power_cycle(takes: int, left: int) -> None:
+    """The hand goes on to answer to its old id, while register 1000 has the new one: the next save would keep that."""
+    register, written = [1], list[int]()
+
+    def answer(request: bytes) -> list[Reply]:
+        number, flag = request[2], request[4]
+        if number != 1:
+            return []
+        if flag == 0x12:
+            written.append(request[7])
+            register[0] = request[7] if len(written) <= takes else register[0]
+            body = request[4:7] + b"\x01"
+        else:
+            memory = bytes(register) if request[5:7] == b"\xe8\x03" else bytes(range(1, 200))
+            body = request[4:7] + memory[: request[7]].ljust(request[7], b"\0")
+        whole = bytes([1, len(body)]) + body
+        return [(0.001, b"\x90\xeb" + whole + bytes([sum(whole) % 256]))]
+
+    hand = hand_on(ScriptedLink(answer))
+    if left == 1:
+        assert proofs._acknowledged(hand).value == "old"
+    else:
+        with refused(CheckFailed, "read-back", "253"):
+            proofs._acknowledged(hand)
+    assert written == [253, 1] and register == [left]
+
+
 def test_hand_gone_after_the_id_change() -> None:
     def answer(request: bytes) -> list[Reply]:
         return [(0.0, unhex(HERE_1))] if hexed(request) == PROBE_1 and ID_2 not in changing(link.sent) else []
@@ -332,6 +362,23 @@ def test_baud_that_did_not_take_names_both_addresses() -> None:
     assert caught.value.exit_code == 7
     assert "1001" in caught.value.hint
     assert "1002" in caught.value.hint
+    assert changing(link.sent) == [BAUD_1]
+
+
+@each_row("acknowledged", [True, False])
+def test_a_hand_that_is_gone_behind_a_baud_change_may_be_at_the_new_speed(acknowledged: bool) -> None:
+    """The manual does not say when it acts (exo §2.3.2): the usual hint names the old speed alone."""
+    hand, link = fake_hand()
+    plain = link.read
+
+    def read(*given: Any, **more: Any) -> bytes:
+        came = plain(*given, **more)
+        return came if BAUD_1 not in changing(link.sent) or (acknowledged and hexed(link.sent[-1]) == BAUD_1) else b""
+
+    link.read = read  # type: ignore[method-assign]
+    with pytest.raises(NoAnswer) as caught:
+        id_baud_save_reset.change_baud(hand, 57600)
+    assert "--baud 57600" in caught.value.hint
     assert changing(link.sent) == [BAUD_1]
 
 

@@ -197,6 +197,37 @@ def test_lost_ack_of_a_write_is_read_back() -> None:
 # -- planning raw bytes -----------------------------------------------------------------------------------------------
 
 
+MODEL = {"hand": ("--model", "df")}
+BOTH = "EB 90 01 05 12 D4 05 2C 01 1E EB 90 01 05 12 D6 05 2C 01 20"
+ANGLES = "EB 90 01 05 31 0E 04 64 00 AD EB 90 01 05 31 10 04 64 00 AF"
+CUT = "EB 90 01 05 12 D4 05 2C 01 1E EB 90 01"
+
+
+@each_row(
+    ("family", "words", "data", "fault", "states"),
+    [
+        (family, words, data, fault, states)
+        for family, both in (("exo", BOTH), ("hand", BOTH), ("wrist", ANGLES))
+        for words in ("raw", "terminal")
+        for data, fault, states in (
+            (both, "none", ["confirmed"] * 2),
+            (both, "silent", ["sent"] * 2),
+            (CUT, "none", ["confirmed", "sent"]) if both is BOTH else (both, "none", ["confirmed"] * 2),
+        )
+    ],
+)
+def test_each_of_several_frames_is_a_step(family: str, words: str, data: str, fault: str, states: list[str]) -> None:
+    """None of what was sent is left over as not sent: who reads that sends it again."""
+    link = f"fake://{family}?clock=virtual{'&fault=silent' if fault == 'silent' else ''}"
+    result = run(family, words, data, "-y", "--json", "--assume-identity", *MODEL.get(family, ()), "-p", link)
+    writes = result.json["writes"]
+    if words == "terminal" and fault == "silent":  # it stops what is not known to have been refused
+        writes = writes[: len(states)]
+    assert [row["state"] for row in writes] == states, result
+    assert unhex(" ".join(row["bytes"] for row in writes)) == unhex(data)
+    assert all(row["meaning"] for row in writes)
+
+
 def test_reads_are_harmless() -> None:
     step = raw.plan_raw(unhex(READ_VOLTAGE), False)
     assert (step.moves, step.strands) == (False, False)

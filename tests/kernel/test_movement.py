@@ -128,6 +128,26 @@ def test_what_counts_as_contact_or_short(
 
 
 @each_row(
+    ("start", "direct", "verdict"),
+    [
+        (0, True, "short"),
+        (46, True, "short"),
+        (48, True, "unmoved"),  # as a resting one
+        (None, True, "unmoved"),
+        (60, True, "astray"),
+        (60, False, "short"),
+    ],
+)
+def test_what_was_over_before_the_first_reading_has_moved(start: int | None, direct: bool, verdict: str) -> None:
+    """It was commanded long before, as by a ramp, or was quick."""
+    watch = Watch([GOAL._replace(jitter=3, direct=direct)], STILL, 0.0, {"a": AxisReading(start)})
+    for number in range(4):
+        watch.note(number * 0.1, {"a": AxisReading(50)})
+    assert watch.arrivals()[0].verdict == verdict
+    assert watch.moved == (set() if verdict == "unmoved" else {"a"})
+
+
+@each_row(
     ("told", "why"),
     [(None, ""), (100, "its target is unchanged, so it does not obey, or something else moves it"), (40, "its target is 40 now, so another program is commanding it")],
 )  # fmt: skip

@@ -14,12 +14,12 @@ from handctl.link.transcript import observed
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.stop_sequence import StopContext, run_stop, stop_sequence_of
-from handctl.model.write_ledger import Frame, Ledger
+from handctl.model.write_ledger import Frame, Ledger, WriteRules
 from handctl.wording import honest
 from tests.support.each_row import each_row
 
 
-class Words:
+class Words(WriteRules):
     """A protocol of the tests: W writes, G writes in a group, R reads; A acknowledges, N refuses the frame it names."""
 
     def sent(self, data: bytes, can_id: int | None) -> Sequence[Frame]:

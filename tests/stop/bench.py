@@ -18,6 +18,7 @@ from handctl.command import open_links
 from handctl.command.open_links import Connection
 from handctl.link import ByteLink, FrameLink, Link, open_link
 from handctl.link.device_lock import remembered
+from handctl.link.fake import FakeLink
 from handctl.stop.device_access import DeviceAccess
 from handctl.tools import stop
 
@@ -86,3 +87,18 @@ def noting_access() -> Iterator[list[DeviceAccess]]:
 
     with mock.patch.object(Connection, "opened", noted):
         yield access
+
+
+@contextmanager
+def noting(deaf: str = "") -> Iterator[list[bytes]]:
+    """What is written to a simulated line; who is `deaf` hears nothing of it once it is being stopped."""
+    sent: list[bytes] = []
+    write = FakeLink.write
+
+    def noted(link: FakeLink, data: bytes, deadline: Any) -> None:
+        sent.append(data)
+        if not deaf or not data.hex().startswith(deaf):
+            write(link, data, deadline)
+
+    with mock.patch.object(FakeLink, "write", noted):
+        yield sent

@@ -11,7 +11,6 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -31,7 +30,7 @@ from handctl.model.stop_sequence import StopContext, StopPlan
 from handctl.stop import stop_listener
 from handctl.stop.stop_listener import StopListener
 from handctl.system import local_socket
-from tests.stop.bench import noting_access
+from tests.stop.bench import noting, noting_access
 from tests.support.bus_file import text
 from tests.support.cli import PATIENCE, Simulator, clean_environment, run, start
 from tests.support.each_row import each_row
@@ -56,21 +55,6 @@ def stops_in(sent: list[bytes]) -> list[str]:
     """Which devices were stopped, in this order, each once."""
     found = [start for data in sent for start in (EXO_1, EXO_2, EXO_7, WRIST) if data.hex().startswith(start)]
     return list(dict.fromkeys(found))
-
-
-@contextmanager
-def noting(deaf: str = "") -> Iterator[list[bytes]]:
-    """What is written to a simulated line; who is `deaf` hears nothing of it once it is being stopped."""
-    sent: list[bytes] = []
-    write = FakeLink.write
-
-    def noted(link: FakeLink, data: bytes, deadline: Any) -> None:
-        sent.append(data)
-        if not deaf or not data.hex().startswith(deaf):
-            write(link, data, deadline)
-
-    with mock.patch.object(FakeLink, "write", noted):
-        yield sent
 
 
 # -- Ctrl-C ----------------------------------------------------------------------------------------------------------------
@@ -107,6 +91,23 @@ def test_ctrl_c_stops_each_device_that_a_line_has_left_moving(
         with mock.patch.object(FakeLink, "sleep", pressed):
             result = run("batch", "-p", f"fake://bus?file={bus(tmp_path)}&clock=virtual", "--json", stdin=script)
     assert (result.code, set(stops_in(sent))) == (code, stops), result
+
+
+@each_row(("lines", "code", "stops"), [
+    ((f"{GO} 1", "exo id 7 -y", "exo stop"), 0, [EXO_7]),
+    ((f"{GO} 1", "exo id 7 -y --id 1", "exo stop --id 7"), 0, [EXO_7]),
+    ((f"{GO} 1", "exo id 7 -y --id 1", "exo stop --id 1"), 4, [EXO_1]),  # what is typed stands
+    ((f"{GO} 2", f"{GO} 1", "exo stop"), 0, [EXO_1, EXO_2]),
+    ((f"{GO} 2", "exo id 7 -y --id 2", "exo stop"), 0, [EXO_1, EXO_7]),
+    ((f"{GO} 2", TURN, "exo stop"), 0, [EXO_1, EXO_2]),
+])  # fmt: skip
+def test_a_line_that_stops_reaches_what_earlier_lines_have_left_moving(
+    lines: tuple[str, ...], code: int, stops: list[str], tmp_path: Path
+) -> None:
+    """As a command of its own does: at the id that a line has given the device since, and each other one of its family."""
+    with noting() as sent:
+        result = run("batch", "-p", f"fake://bus?file={bus(tmp_path)}&clock=virtual", "--json", stdin="\n".join(lines))
+    assert (result.code, stops_in(sent)) == (code, stops), result
 
 
 @each_row(

@@ -128,6 +128,28 @@ def test_a_wrist_holds_each_axis_that_reads_an_angle(
     assert error is None or ("pitch" in stopped.text.partition("Not held")[2]) == (2263 in places), stopped
 
 
+@each_row(
+    ("family", "place", "then", "error"),
+    [
+        ("exo", 300, -1, CheckFailed),
+        ("exo", 300, 32767, CheckFailed),
+        ("exo", 1000, 1020, None),
+        ("wrist", 1125, 32767, CheckFailed),
+        ("wrist", 2550, 2590, None),
+    ],
+)
+def test_a_reading_that_is_no_position_shows_no_standstill(
+    family: str, place: int, then: int, error: type[HandctlError] | None
+) -> None:
+    """Each was held, and reads the same twice behind that: no value, or one that no finger has."""
+    device = exo(100, place, 300, 400, 500) if family == "exo" else wrist(-345, place)
+    commands = 2 if family == "exo" else 1
+    device.places[1] = lambda _seconds: place if len(device.writes) < commands else then
+    stopped = device.stop(family)
+    assert stopped.error is error, stopped
+    assert error is None or stopped.text.endswith("ring" if family == "exo" else "yaw"), stopped
+
+
 def test_an_axis_that_was_not_held_and_is_seen_standing_is_no_error() -> None:
     hand = exo(100, 200, 300, 400, 500)
     hand.places = [*hand.places[:2], lambda seconds: 1100 if len(hand.writes) < 2 else 1010.0, *hand.places[3:]]

@@ -29,7 +29,7 @@ from handctl.model.result import Journal
 from handctl.stop import stop_command, stop_listener
 from handctl.stop.device_access import DeviceAccess, lock_for
 from handctl.stop.stop_listener import is_meant
-from tests.stop.bench import PORT, Bench, lock_file
+from tests.stop.bench import PORT, Bench, lock_file, noting
 from tests.support.cli import PATIENCE, Result, run
 from tests.support.each_row import each_row
 from tests.support.stop import RELEASE, Stand
@@ -259,6 +259,43 @@ def test_what_moves_is_stopped_at_its_new_id(words: tuple[str, ...], now: int, b
         assert going() == [("exo", now)]
         result = run("exo", "stop", *where, "--json", env={"HANDCTL_CONFIG": str(file)})
         assert (result.code, stopped_ids(result), going()) == (0, [now], []), result
+
+
+@each_row("stop", ["stop", "exo stop"])
+def test_a_line_stops_what_moves_at_its_new_id_alone(stop: str, bench: Bench) -> None:
+    """The id of before is not even that of the device that was talked to last."""
+    bench.there = "exo?"
+    lines = "\n".join((" ".join(EXO), "exo id 5 -y", stop))
+    with noting() as sent:
+        result = run("batch", "-p", PORT, "--json", stdin=lines)
+    assert result.code == 0, result
+    assert {data[2] for data in sent if data[4:5] == b"\x31"} == {5}
+
+
+@each_row("family, moves", [("exo", EXO), ("hand", HAND)])
+def test_what_has_its_former_id_again_is_stopped(
+    family: str, moves: tuple[str, ...], bench: Bench, tmp_path: Path
+) -> None:
+    """An id that was not saved lasts until power-off (exo §2.3.4). One that was typed stands."""
+    file = tmp_path / "config.toml"
+    file.write_text(f"[devices.left]\nkind = '{family}'\nport = '{PORT}'\nid = 1\n")
+    for words, env, now in (
+        ((family, "stop", "-p", PORT), {}, 1),
+        ((family, "stop", "-p", PORT), {}, 3),
+        ((family, "stop", "-p", PORT), {"HANDCTL_ID": "7"}, 7),
+        (("stop", "-p", PORT), {}, 1),
+        (("stop", "-p", PORT), {}, 3),
+        ((family, "stop", "-d", "left"), {"HANDCTL_CONFIG": str(file)}, 1),
+        (("stop", "-d", "left"), {"HANDCTL_CONFIG": str(file)}, 1),
+    ):
+        bench.there = f"{family}?id={now}&"  # begun afresh by each command
+        for before in (moves, (family, "id", "5", "-y")):
+            assert run(*before, "--id", str(now), "-p", PORT).code == 0
+        result = run(*words, "--json", env=env)
+        assert stopped_ids(result)[-1] == now and "former-id" in result.codes(), (words, result)
+        assert result.code == 4, "that this one replies does not show that it is the one that was set going"
+        typed = run(family, "stop", "--id", "5", "-p", PORT, "--json")
+        assert typed.code == 4 and set(stopped_ids(typed)) == {5}, typed
 
 
 @each_row(

@@ -20,6 +20,7 @@ from handctl.system import clock
 if TYPE_CHECKING:
     from handctl.command.settings_and_checks import Invocation
     from handctl.link import Link
+    from handctl.link.device_lock import Reached
     from handctl.link.fake import Kept
     from handctl.link.transcript import TraceFile
     from handctl.model.prompts import Prompts
@@ -194,12 +195,14 @@ class Mover(NamedTuple):
     link  the LINK
     plan  how it is stopped, whoever uses the link by then
     met   the open link on which it was identified
+    was   the id with which it was set in motion, if handctl has given it another one since; else 0
     """
 
     run: Invocation
     link: str
     plan: StopPlan
     met: Link | None
+    was: int = 0
 
     @property
     def name(self) -> str:
@@ -371,10 +374,17 @@ class Session:
             for at, mover in enumerate(self.in_motion):
                 if (mover.link, mover.plan.device) == (connection.name, before):
                     plan = StopPlan(after[0], mover.plan.context.of(before, after))
-                    self.in_motion[at] = mover._replace(plan=plan)
+                    self.in_motion[at] = mover._replace(plan=plan, was=mover.was or before[1])
                     if connection.key in self._guards:
                         self._guard_with(connection, plan, run.journal)
         names.clear()
+
+    def moving_on(self, name: str) -> list[Reached]:
+        """What commands have set in motion on this LINK and left, as `remembered` has it: a simulated device has no lock."""
+        from handctl.link.device_lock import Reached
+
+        movers = [(*mover.plan.device, mover.was) for mover in self._moving_on(name)]
+        return [Reached(kind, {"id": number} if number != 1 else {}, was=was) for kind, number, was in movers]
 
     def _moving_on(self, name: str) -> list[Mover]:
         return [mover for mover in self.in_motion if mover.link == name]

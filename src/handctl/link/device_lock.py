@@ -184,9 +184,16 @@ class Lock:
     def renamed(self, before: tuple[str, int], after: tuple[str, int]) -> None:
         """A device has another id than before; `before` and `after` are keys of a `Reached`."""
         number = {"id": after[1]} if after[1] != 1 else {}
+
+        def at_new_id(one: Reached) -> Reached:
+            return one._replace(
+                settings={**{key: value for key, value in one.settings.items() if key != "id"}, **number}
+            )
+
+        if self.met is not None and self.met.key == before:
+            self.met = at_new_id(self.met)
         for one in [one for one in self.going if one.key == before]:
-            settings = {**{key: value for key, value in one.settings.items() if key != "id"}, **number}
-            now = one._replace(settings=settings, was=one.was or before[1])
+            now = at_new_id(one)._replace(was=one.was or before[1])
             self._keep_going([now if other is one else other for other in self.going if other.key != after])
 
     def _keep_going(self, going: list[Reached]) -> None:

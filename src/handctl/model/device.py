@@ -679,12 +679,18 @@ class SetpointPair(NamedTuple):
     """A set point and the quantity that shows the position of its axis; within `near` it counts as reached.
 
     closing  1 or -1: whether the axis closes as the number grows or falls; 0 = not known
+    unknown  a reading that is no position
     """
 
     target: str
     actual: str
     near: Number
     closing: int = 0
+    unknown: Number | None = None
+
+    def reached(self, here: Number, target: Number) -> bool:
+        """Whether the axis is at its target, as far as its position is known."""
+        return here != self.unknown and abs(target - here) <= self.near
 
     def closes(self, here: Number, target: Number) -> bool:
         """Whether going from here to there closes, as far as that is known."""
@@ -754,7 +760,7 @@ def pending_moves(device: Device, changes: Sequence[tuple[Element, Number]]) -> 
                     unshown.setdefault(part, PendingMove(part, course.target, here, None))
                 continue
             triggered.discard(part)
-            if abs(there - here) <= course.near:
+            if course.reached(here, there):
                 continue
             if (part, False) in freed or course.closes(here, there):
                 found[PendingMove(part, course.target, here, there)] = None

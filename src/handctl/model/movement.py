@@ -98,6 +98,7 @@ class Goal(NamedTuple):
     speed     its set speed, None where there is none or it is not known
     patience  seconds that it may seem to stand while it moves, at that speed
     jitter    how far its reading changes while it stands
+    direct    it passes only places between its start and its target: anywhere else it is astray
     """
 
     name: str
@@ -108,6 +109,7 @@ class Goal(NamedTuple):
     jitter: Number = 0
     decimals: int = 0
     unit: str = ""
+    direct: bool = True
 
     def text(self, value: Number | None) -> str:
         """A place of this axis for people."""
@@ -188,13 +190,14 @@ def stands_still(
 
 
 class _Axis:
-    """What was seen of one axis so far."""
+    """What was seen of one axis so far. `anchor` is where it stood before, None where that is not known: a movement may be over
+    before its first reading."""
 
-    def __init__(self, goal: Goal) -> None:
+    def __init__(self, goal: Goal, anchor: Number | None) -> None:
         self.goal = goal
         self.seen = AxisReading(None)
         self.equal = 0
-        self.anchor: Number | None = None
+        self.anchor = anchor
         self.since = 0.0
         self.moved = False
 
@@ -202,8 +205,9 @@ class _Axis:
         self.seen = seen
         if seen.value is None:
             return
-        if self.anchor is None or not stands(self.anchor, seen.value, self.goal.jitter):
-            self.moved = self.moved or self.anchor is not None
+        left = self.anchor is not None and not stands(self.anchor, seen.value, self.goal.jitter)
+        self.moved = self.moved or left
+        if left or not self.equal:
             self.anchor, self.since, self.equal = seen.value, now, 0
         self.equal += 1
 
@@ -225,7 +229,10 @@ class Watch:
         self.still = still
         self._before = before or {}
         self.begun = self.now = now
-        self._axes = {goal.name: _Axis(goal) for goal in goals}
+        self._axes = {
+            goal.name: _Axis(goal, self._before[goal.name].value if goal.name in self._before else None)
+            for goal in goals
+        }
 
     def note(self, now: float, seen: Mapping[str, AxisReading]) -> bool:
         """Take the readings of this moment; whether every axis has ended its movement."""
@@ -278,7 +285,8 @@ class Watch:
     def _arrival(self, axis: _Axis, deeper: AxisReading | None) -> Arrival:
         value, goal, near = axis.seen.value, axis.goal, axis.near
         if value is None:
-            return Arrival(goal, None, UNREAD)
+            fault = deeper.blocked if deeper is not None else ""
+            return Arrival(goal, None, BLOCKED if fault else UNREAD, fault)
         if self._stopped_by_fault(axis):
             return Arrival(goal, value, BLOCKED, axis.seen.blocked)
         blocked, contact = "" if deeper is None else deeper.blocked, axis.seen.contact
@@ -288,8 +296,10 @@ class Watch:
             return Arrival(goal, value, NO_SPEED)
         before = self._before.get(goal.name, AxisReading(None))
         if deeper is not None and not near:
-            contact = contact or deeper.contact or self._pushes(before, deeper)
-        known = before.value is not None and goal.target is not None and not near
+            contact = contact or deeper.contact
+            if axis.moved:  # else it has met nothing on its way, whatever it draws now
+                contact = contact or self._pushes(before, deeper)
+        known = before.value is not None and goal.target is not None and goal.direct and not near
         astray = known and is_astray(before.value, goal.target, value, goal.near)  # type: ignore[arg-type]
         if not self._rests(axis, explained=bool(blocked or contact or astray)):
             return Arrival(goal, value, MOVING, blocked)

@@ -73,6 +73,10 @@ class WriteRules:
         """The `same` of a planned step; None when it does not write."""
         return None
 
+    def split(self, data: bytes, can_id: int | None) -> Sequence[bytes]:
+        """The frames of a planned step, as `sent` will find them."""
+        return (data,)
+
     def next(self, data: bytes, can_id: int | None) -> str:
         """What to read when nothing has confirmed this frame."""
         return ""
@@ -198,7 +202,8 @@ class Ledger:
         """What the command is going to write, in order. Steps that it has named before are not counted twice."""
         known = [same for same, _ in self._plan]
         self._moves = self._moves or any(step.moves for step in steps)
-        for step in steps:
+        parts = [part for step in steps for part in self._parts(step)]
+        for step in parts:
             same = self.words.planned(step.data, step.can_id) if self.words is not None else step.data
             if same in known:
                 known.remove(same)
@@ -208,6 +213,11 @@ class Ledger:
                     self._stops.add(same)
             if step.moves and not self._repeats and self.words is not None:
                 self.meant.update(dict.fromkeys(self.words.addressed(step.data, step.can_id)))
+
+    def _parts(self, step: Step) -> Sequence[Step]:
+        """A step of several frames as these: the wire shows each by itself, and each says what it means."""
+        found = self.words.split(step.data, step.can_id) if self.words is not None else ()
+        return [step._replace(data=data, meaning="") for data in found] if len(found) > 1 else (step,)
 
     def forget(self) -> None:
         """What was planned and has not gone out will not: the device is on another wire, in other bytes."""
@@ -381,7 +391,10 @@ class Ledger:
     def rows(self) -> list[dict[str, Any]]:
         """One object a step (cli contract, section 4): what went out in its order, then what is left of the plan."""
         rows = [self._row(write) for write in self._writes]
-        rows += [{"bytes": step.wire, "meaning": step.meaning, "state": NOT_SENT, "next": ""} for _, step in self._plan]
+        rows += [
+            {"bytes": step.wire, "meaning": step.meaning or self._meaning(step), "state": NOT_SENT, "next": ""}
+            for _, step in self._plan
+        ]
         return [{"step": number, **row} for number, row in enumerate(rows, 1)]
 
     def _row(self, write: Write) -> dict[str, Any]:
@@ -400,7 +413,7 @@ class Ledger:
             row |= {"count": write.count, "last": frame_text(write.last, frame.can_id)}
         return row
 
-    def _meaning(self, frame: Frame) -> str:
+    def _meaning(self, frame: Frame | Step) -> str:
         return self.explain(frame.data, frame.can_id) if self.explain is not None else ""
 
     def text(self) -> list[str]:

@@ -79,8 +79,7 @@ def stop(
     fall_back(run)
     if run.settings.dry_run:
         return run.dry_run(_plan(run, sequence))
-    if run.session is None:
-        _as_it_is_now(run)
+    _as_it_is_now(run)
     name = run.link_name()
     until = None if run.settings.deadline is None else Deadline(clock.now, began + run.settings.deadline)
     for problem in run.said.passed_over:
@@ -98,8 +97,12 @@ def stop(
                 run.journal.warn("other-device", f"the device that it was using: {other['text']}", other["hint"])
     if told is None or other is not None or not (told["open"] or told["refused"]):
         told = _from_here(run, lock, sequence, until, patient=ended, otherwise=otherwise, turns=turns)
-        if unheard(told["error"], told["rows"]) and _drop_stale_id(run, until):
-            told = joined_reports(told, _from_here(run, lock, sequence, until, patient=False, otherwise=otherwise))
+        if unheard(told["error"], told["rows"]) and not (until and until.expired):
+            again = partial(_from_here, run, lock, sequence, until, patient=False, otherwise=otherwise)
+            if former := _back_to_former_id(run):
+                told = _with_former_id(told, again(), former)
+            elif _drop_stale_id(run):
+                told = joined_reports(told, again())
         if other is not None:
             told = joined_reports(other, told)
     if reached is not None:
@@ -138,12 +141,18 @@ def stop_with_others(run: Run) -> Table:
 
 
 def _others_going(run: Run) -> list[Reached]:
-    family = run.family
+    assert run.family is not None
+    return _going(run) if run.family.ids and _any_id(run) and not run.settings.dry_run else []
+
+
+def _going(run: Run) -> list[Reached]:
+    """What handctl has set going on the link of this run, of its family: earlier lines of its session, too."""
+    family, name = run.family, run.link_name()
     assert family is not None
-    if not family.ids or not _any_id(run) or run.settings.dry_run or run.session is not None:
-        return []
-    _, moving = remembered(run.link_name(), family.tcp_port)
-    return [one for one in moving if one.family == family.kind]
+    _, moving = remembered(name, family.tcp_port)
+    mine = run.session.moving_on(name) if run.session is not None else []
+    known = [one.key for one in moving]
+    return [one for one in (*moving, *(one for one in mine if one.key not in known)) if one.family == family.kind]
 
 
 def _as_it_is_now(run: Run) -> None:
@@ -151,9 +160,9 @@ def _as_it_is_now(run: Run) -> None:
     and through the LINK that was used, where that is another one to the same port (CAN, by an slcan adapter)."""
     assert run.family is not None
     name, number = run.link_name(), run.settings.id or 1
-    mine = [one for one in remembered(name, run.family.tcp_port)[1] if one.family == run.family.kind]
+    mine = _going(run)
     link = next((one.settings["port"] for one in mine if "port" in one.settings), name)
-    if link != name and not name.startswith("can:"):
+    if link != name and not name.startswith("can:") and run.session is None:
         run.journal.warn(
             "other-link", f"{name}: handctl set the device in motion through {link}, so the stop is sent through that"
         )
@@ -343,20 +352,45 @@ def _of_others(run: Run) -> bool:
     return run.sources.get("id") == OTHERS
 
 
-def _drop_stale_id(run: Run, until: Deadline | None) -> bool:
+def _back_to_former_id(run: Run) -> int | None:
+    """Use the id that the device of this run had before handctl gave it another one, which may be lost: with the power, until it is
+    saved (exo §2.3.4). None where handctl has set no such device going, or its id was typed."""
+    if run.sources.get("id") == COMMAND_LINE:
+        return None
+    assert run.family is not None
+    key = run.family.kind, run.settings.id or 1
+    for one in [one for one in _going(run) if one.key == key and one.was]:
+        run.journal.warn(
+            "former-id", f"no device replied at id {key[1]}, so the one with its former id {one.was} is stopped, too"
+        )
+        run.settings = run.settings._replace(id=one.was)
+        return one.was
+    return None
+
+
+def _with_former_id(told: dict[str, Any], then: dict[str, Any], former: int) -> dict[str, Any]:
+    """The report of a stop that nothing heard, followed by the one at the `former` id. That this one was acknowledged does not show that
+    it is the same device: it is no success."""
+    worse = max(
+        (told, then), key=lambda one: getattr(errors, one["error"], HandctlError).exit_code if one["error"] else 0
+    )
+    text = errors.joined(told["text"], f"id {former}: {then['text']}")
+    return {
+        **joined_reports(told, then),
+        "text": text,
+        "id": told["id"],
+        **{key: worse[key] for key in ("error", "hint", "stranger")},
+    }
+
+
+def _drop_stale_id(run: Run) -> bool:
     """Whether to try once more with the id that devices are shipped with: nothing replied at one that was not typed.
 
     A named device keeps its id if the configuration has another device on the same line: that one is not to be stopped.
     """
     source, number = run.sources.get("id"), run.settings.id
     assert run.family is not None
-    if (
-        not run.family.ids
-        or source in (None, COMMAND_LINE)
-        or _of_others(run)
-        or number in (None, 1)
-        or (until and until.expired)
-    ):
+    if not run.family.ids or source in (None, COMMAND_LINE) or _of_others(run) or number in (None, 1):
         return False
     if source is not None and source.level == NAMED and run.shares_line:
         return False

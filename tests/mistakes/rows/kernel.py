@@ -588,7 +588,7 @@ ROWS = (
         "pending_moves",
         "if part in triggered:",
         "if False:",
-        "tests/inspire/test_exo_motion.py::test_clearing_an_error_asks_where_a_target_is_not_shown",
+        "tests/inspire/test_exo_motion.py::test_clearing_an_error_asks_where_a_target_or_place_is_not_shown",
     ),
     mistake(
         "waiting-target-let-go-unasked",
@@ -618,6 +618,16 @@ ROWS = (
         "return Arrival(goal, value, REACHED)",
         "tests/contract/test_fault_bits.py::test_a_fault_during_a_movement_is_its_end",
         "tests/kernel/test_movement.py::test_what_was_read_once_more_counts",
+    ),
+    mistake(
+        "what-was-over-before-the-first-reading-never-began",
+        "wrong words",
+        "handctl.model.movement",
+        "_Axis.__init__",
+        "self.anchor = anchor",
+        "self.anchor = None",
+        "tests/kernel/test_movement.py::test_what_was_over_before_the_first_reading_has_moved",
+        "tests/aidin/test_motion.py::test_what_stops_on_the_ramp_has_moved",
     ),
     mistake(
         "what-never-began-has-ended-somewhere",

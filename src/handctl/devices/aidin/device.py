@@ -14,7 +14,7 @@ from handctl.devices.aidin.feedback_guard import NO_NOISE, OBJECTS, OLD
 from handctl.devices.aidin.json_codec import TERMINATORS, Decoder, Out, encode
 from handctl.devices.aidin.parameter_map import AIDIN, FEEDBACK, FINGERS, LARGEST_RADIAN, MODES, AidinParam, Mode
 from handctl.devices.aidin.stopper import ENDS, FLOWED, PAUSE, flow
-from handctl.errors import Aftermath, HandctlError, Hint, LinkError, ProtocolError
+from handctl.errors import Aftermath, HandctlError, Hint, LinkError, ProtocolError, joined
 from handctl.model.device import Device
 from handctl.model.device_clock import Moment
 from handctl.model.frame_decoder import frames_in
@@ -160,6 +160,11 @@ class AidinHand(Device):
             return OK, "the values of the feedback change"
         if stands := live.frozen(self.conversation.feedback_at):
             return FAIL, f"the feedback has frozen: for {stands:.1f} s {OLD}"
+        if not live.senses:
+            return (
+                SKIPPED,
+                "the feedback has no valid sensor_state, whose noise would show whether the hand repeats old feedback",
+            )
         if live.same < OBJECTS:
             return SKIPPED, f"feedback comes too seldom to see whether it changes: {plural(live.same + 1, 'message')}"
         return SKIPPED, f"in {plural(live.same + 1, 'message')} {OLD}: {NO_NOISE}"
@@ -267,7 +272,7 @@ AGAIN = 1.0
 """Seconds in which a connection that was lost is opened again, all tries together."""
 TRY = 0.05
 """Seconds from one try to the next."""
-UNTOLD = "the connection is lost, so stop cannot be sent. Switch the hand's power off if it is still moving"
+UNTOLD = "switch the hand's power off if it is still moving: the connection is lost, so stop cannot be sent"
 MENDS = "the connection was lost. This command is reconnecting and will send the stop itself"
 MENDED = "the connection was lost. handctl reconnected"
 
@@ -353,7 +358,7 @@ def stopped_if_cut_short(
             raise
         stopped, told = _stop_again(hand, prompts, presses=0 if pressed else 1)
         if stopped is None:
-            exc.hint = "; ".join(filter(None, (exc.hint, UNTOLD if lost else "", told)))
+            exc.hint = joined(UNTOLD if lost else "", exc.hint, told)
         elif pressed:  # what was said before it was stopped is no longer so
             raise interrupt_error(stopped._replace(text=f"{MENDED}: {stopped.text}"), what) from exc
         else:

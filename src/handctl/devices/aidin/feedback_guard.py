@@ -86,6 +86,11 @@ class Liveness:
         self._last.update(values)
 
     @property
+    def senses(self) -> bool:
+        """Whether an object with the sensors has come."""
+        return SENSORS in self._last
+
+    @property
     def pause(self) -> int | None:
         """The most objects in which noisy sensors stood still before they changed again; None = no noise was seen."""
         seen = self._noises >= OBJECTS or (self._resting and not self._calmest)

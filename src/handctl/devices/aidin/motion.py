@@ -225,7 +225,15 @@ def axes_of(goal: Goal, values: Sequence[float]) -> Iterator[movement.Goal]:
                 target.near(index) + (abs(wanted) * 0.1 if target is CURRENTS else 0.0),
                 target.feedback.places,
             )
-            yield movement.Goal(param.elements[index], wanted, near, jitter=near, decimals=places, unit=unit)
+            yield movement.Goal(
+                param.elements[index],
+                wanted,
+                near,
+                jitter=near,
+                decimals=places,
+                unit=unit,
+                direct=target is not TIPS,  # one coordinate has no way of its own
+            )
 
 
 # -- typed targets to a complete vector for the wire ------------------------------------------------------------------
@@ -398,10 +406,10 @@ def element_of(row: Row) -> str:
 
 
 def _at_rest(hand: AidinHand, target: Target, here: Sequence[Number]) -> dict[str, AxisReading]:
-    """Each element before the movement. A fingertip has no way of its own to its target in one coordinate."""
+    """Each element before the movement."""
     flowing, names = _drawn(hand, target.feedback.elements), target.feedback.elements
     return {
-        name: flowing.get(name, AxisReading(None))._replace(value=None if target is TIPS else place)
+        name: flowing.get(name, AxisReading(None))._replace(value=place)
         for name, place in zip(names, here, strict=True)
     }
 

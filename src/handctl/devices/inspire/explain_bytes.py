@@ -1016,6 +1016,13 @@ class InspireWriteRules(WriteRules):
         reads = data[:2] == eb90.HOST and len(data) == 9 and data[3] == 4 and data[4] in (eb90.READ, eb90.WRIST_READ)
         return None if reads or eb90.only_reads(data) else data
 
+    def split(self, data: bytes, can_id: int | None) -> Sequence[bytes]:
+        """See WriteRules."""
+        one = data[:2] == eb90.HOST and len(data) > 3 and len(data) == data[3] + eb90.OVERHEAD
+        if one or can_id is not None or mode_of(data):
+            return (data,)
+        return [piece.raw for piece in InspireExplainer(self._shown.params).sent(data)]
+
     def addressed(self, data: bytes, can_id: int | None) -> list[Addressee]:
         """See WriteRules. A wrist module passes on what is for the hand that is attached to it."""
         if can_id is not None:

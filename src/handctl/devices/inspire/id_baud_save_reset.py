@@ -14,11 +14,12 @@ from handctl.devices.inspire.duplicate_id import identify_alone, naming_duplicat
 from handctl.devices.inspire.register_bus import FLOOD, RegisterBus, Span
 from handctl.devices.inspire.register_map import BAUD_RATES, OVER_TEMPERATURE, Register
 from handctl.devices.inspire.serial_bus import SerialBus
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
+from handctl.errors import Aftermath, CheckFailed, DeviceRefused, HandctlError, Hint, LinkError, NoAnswer, ProtocolError
 from handctl.link import ByteLink
 from handctl.model.param import Element, Number, Reading, Step
 from handctl.model.prompts import Prompts
 from handctl.model.result import Column, Row, Table, hex_bytes
+from handctl.model.stop_on_interrupt import on_early_end
 
 if TYPE_CHECKING:
     from handctl.devices.inspire.register_device import RegisterDevice
@@ -285,8 +286,12 @@ def change_baud(hand: RegisterDevice, rate: int) -> Table:
         hand.journal.info("already", f"baud_code is already {code} ({rate} bit/s)")
         readings = [Reading(element, before, bytes([before]))]
     else:
+        at_once = Aftermath(
+            hint=Hint(f"the hand may use {rate} bit/s already: try {{}}", f"{hand.kind} status --baud {rate}")
+        )
         try:
-            readings = hand.write([(element, code)])
+            with on_early_end(at_once, since=hand.journal.counters, by=NoAnswer, interrupt=False):
+                readings = hand.write([(element, code)])
         except CheckFailed as exc:
             exc.hint = (
                 f"read both places of the speed code with `handctl {hand.kind} read 1001 2`. It lies at 1001 in this manual (exo §2.3), "

@@ -186,25 +186,32 @@ def _there_and_back(device: RegisterDevice, bus: SerialBus, new: int) -> int:
 
 
 def _back_home(device: RegisterDevice, bus: SerialBus, back: SerialBus) -> None:
-    """Give it the id of `bus` again, unless it answers to that, and read it back. Raises CheckFailed, NoAnswer, ProtocolError."""
+    """Give it the id of `bus` again, unless it has that, and read it back. Raises CheckFailed, NoAnswer, ProtocolError.
+
+    It may answer to that all the time: the other id would count after a power-cycle then, and stay with the next save.
+    """
     register, old = device.map["id"], bytes([bus.id])
-    if probe(bus, back.id) or not probe(bus, bus.id):
-        back.try_write(
+    there = back if probe(bus, back.id) or not probe(bus, bus.id) else bus
+    if there is back or bus.read(register.address, 1) != old:
+        there.try_write(
             register.address,
             old,
             f"the change back to id {bus.id}",
             "handctl checks for the hand",
             acknowledged_by=(bus.id,),
         )
-    if not probe(bus, bus.id) or bus.read(register.address, 1) != old:
-        raise CheckFailed(
-            f"{bus.link.name}: the hand does not respond to id {bus.id} again",
-            hint=Hint("find it with {}. A power-cycle brings back the saved id", f"{device.kind} scan"),
-            code="read-back",
-        )
+    if not probe(bus, bus.id):
+        raise _not_home(device, f"the hand does not respond to id {bus.id} again")
+    if (now := bus.read(register.address, 1)) != old:
+        raise _not_home(device, f"the hand responds to id {bus.id}, but register 1000 reads {now[0]}")
     device.journal.ledger.confirm(
-        f"responds to id {bus.id} again", back.write_step(register.address, old, f"id = {bus.id}")
+        f"responds to id {bus.id} again", there.write_step(register.address, old, f"id = {bus.id}")
     )
+
+
+def _not_home(device: RegisterDevice, what: str) -> CheckFailed:
+    hint = Hint("find it with {}. A power-cycle brings back the saved id", f"{device.kind} scan")
+    return CheckFailed(f"{device.bus.link.name}: {what}", hint=hint, code="read-back")
 
 
 def _write_reply(name: str, device: RegisterDevice) -> Observation:

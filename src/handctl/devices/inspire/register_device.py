@@ -535,12 +535,11 @@ class RegisterDevice(Device):
             if unread := dict.fromkeys(one.param.name for one in this.errors if one not in told):
                 text = f"the error bits ({', '.join(unread)}) could not be read, so it is not known whether the device has a fault"
                 self.journal.warn("errors-unread", f"{self.bus.where}: {text}")
-            # what has not moved has met nothing on its way, whatever it draws now
             deeper = {
                 name: AxisReading(
                     None,
                     blocked=this.faults(name, at_end, {} if name in short else known, short),
-                    currents=this.drawn(name, at_end) if name in seen.moved else (),
+                    currents=this.drawn(name, at_end),
                 )
                 for name in before
             }

@@ -181,12 +181,16 @@ class Axes(NamedTuple):
 
         `again` has the targets for their readings behind the stop, which stood still; [] where they were not seen.
         """
-        if not self.left:
-            return stopped
-        text = f"{stopped.text}. Not held, because its reading is no position: {self.left}"
-        if stopped.error is None and again and None not in again:
-            return stopped._replace(text=f"{text}. {SILENCE:g} s later it stands still at a position")
-        return Stopped(text, stopped.hint or power, stopped.error or CheckFailed)
+        if self.left:
+            text = f"{stopped.text}. Not held, because its reading is no position: {self.left}"
+            if stopped.error is None and again and None not in again:
+                return stopped._replace(text=f"{text}. {SILENCE:g} s later it stands still at a position")
+            return Stopped(text, stopped.hint or power, stopped.error or CheckFailed)
+        lost = ", ".join(name for name, target in zip(self.names, again, strict=False) if target is None)
+        if stopped.error is None and lost:
+            text = f"{stopped.text}. {SILENCE:g} s later the reading is no position, so nothing shows that it stands still: {lost}"
+            return Stopped(text, power, CheckFailed)
+        return stopped
 
 
 def check_again(

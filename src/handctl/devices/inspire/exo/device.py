@@ -101,7 +101,7 @@ class ExoHand(RegisterDevice):
     vital = ("error", "temperature")
     view = staticmethod(registers_view)
     worn = True
-    setpoint_pairs = (SetpointPair("position_set", "position_actual", NEAR, closing=-1),)
+    setpoint_pairs = (SetpointPair("position_set", "position_actual", NEAR, closing=-1, unknown=ALONE),)
     releases = (Release("clear_errors", "error", lambda bits, _: bool(int(bits) & ~OVER_TEMPERATURE)),)
     not_covered = (
         "the results of a calibration (no register holds them)",
@@ -362,9 +362,14 @@ def move(hand: ExoHand, values: Mapping[int, int], prompts: Prompts, *, wait: fl
         [Goal(FINGERS[index], value, NEAR, jitter=NOISE) for index, value in values.items()],
         STILL,
         EXO["position_actual"].each,
-        lambda readings: {reading.element.part or "": AxisReading(reading.value) for reading in readings},
+        lambda readings: {reading.element.part or "": AxisReading(_place(reading)) for reading in readings},
         errors=EXO["error"].each,
         currents=EXO["current"].each,
         targets=EXO["position_set"].each,
     )
     return hand.moved(this, lambda: hand.command_some("position", values), prompts, wait=wait, expect=expect)[0]
+
+
+def _place(reading: Reading) -> Number | None:
+    """Where a finger is; -1, the mark for no value (exo §2.3.7), is near 0 and no place."""
+    return None if reading.value == ALONE else reading.value
