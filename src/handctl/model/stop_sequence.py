@@ -165,11 +165,13 @@ class Sent(NamedTuple):
     came: bytes
 
 
-def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
-    """The stop of a device of family `kind`, or of those that are `going` on its line."""
-    if context.going:
+def stop_sequence_of(
+    kind: str, context: StopContext, steps: Callable[[StopContext], StopSequence] | None = None
+) -> StopSequence:
+    """The stop of a device of family `kind`, or of those that are `going` on its line. `steps` replaces the family's."""
+    if steps is None and context.going:
         return _one_by_one((kind, context.number), context)
-    return _once_more(importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps, context)
+    return _once_more(steps or importlib.import_module(FAMILIES[kind].module("stopper")).stop_steps, context)
 
 
 def _once_more(steps: Callable[[StopContext], StopSequence], context: StopContext) -> StopSequence:
@@ -273,7 +275,7 @@ class StopPlan:
     def sequence(self, link: Link | None = None) -> StopSequence:
         """Its steps over this link: who is there is asked anew where that was opened again since."""
         context = self.context if link is None or not link.elsewhere else self.context._replace(proven=False)
-        return stop_sequence_of(self.device[0], context) if self._given is None else self._given(context)
+        return stop_sequence_of(self.device[0], context, self._given)
 
     def begun(self, link: Link) -> StopExchange:
         """Its steps; what is left of it is still to be finished. Raises LinkError."""

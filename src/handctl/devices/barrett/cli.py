@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import click
@@ -422,11 +423,15 @@ def stop(run: Run, motors: str | None) -> Table:
     """
     from handctl.devices.barrett import motion
     from handctl.devices.barrett.stopper import power_off
+    from handctl.model.stop_sequence import stop_sequence_of
     from handctl.stop import stop_command as emergency
 
     prefix = prefix_of(motors)
+    steps = partial(power_off, prefix=prefix)
     return emergency.stop(
-        run, lambda context: power_off(context, prefix), otherwise=lambda hand: motion.find_and_power_off(hand, prefix)
+        run,
+        lambda context: stop_sequence_of("barrett", context, steps),
+        otherwise=lambda hand: motion.find_and_power_off(hand, prefix),
     )
 
 
