@@ -37,7 +37,14 @@ def test_a_program_closes_the_loop(tmp_path: Path) -> None:
     assert sent(trace)[:4] == ["4328", "61", "4328", "61"]
 
 
-@pytest.mark.parametrize("given", [20, {"F1": 20, "F2": 20}, [20, 20], "F1=20,F2=20"])
+class Numpy:
+    """A number of another library, as numpy's: no int, and printed as one."""
+
+    def __str__(self) -> str:
+        return "20"
+
+
+@pytest.mark.parametrize("given", [20, {"F1": 20, "F2": 20}, [20, 20], "F1=20,F2=20", Numpy(), [Numpy(), Numpy()]])
 def test_values_in_each_form_hold_until_the_next(given: Any) -> None:
     with (
         handctl.simulate("barrett", initialized=1) as hand,
@@ -93,6 +100,7 @@ def test_the_guards_are_stronger() -> None:
     ("options", "values"),
     [
         (ONE, {"velocity": 1.5}),
+        (ONE, {"velocity": None}),
         (ONE, {"velocity": 128}),
         (ONE, {"velocity": float("nan")}),
         (ONE, {"velocity": {"F9": 3}}),
