@@ -14,7 +14,7 @@ from __future__ import annotations
 import keyword
 import re
 import shlex
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import cache
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -24,7 +24,7 @@ import click
 from handctl.command.command_tree import Command
 from handctl.command.connection import Session
 from handctl.command.family import Family, load
-from handctl.command.library_call import Confirm, LibrarySession
+from handctl.command.library_call import Confirm, LibrarySession, Samples
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
 from handctl.model.command_settings import Settings
@@ -182,10 +182,8 @@ class Stream(Iterator[Rows]):
 
     def close(self) -> None:
         """End it, and leave the device. Raises what the command would have ended with."""
-        if isinstance(self._samples, Generator) and getattr(self._samples, "gi_frame", None) is not None:
-            self._samples.close()
-            if (failure := self._failure()) is not None:
-                raise error_in_python(failure, self._kind)
+        if isinstance(self._samples, Samples) and self._samples.close() and (failure := self._failure()) is not None:
+            raise error_in_python(failure, self._kind)
 
     def step(self, **values: Any) -> Rows:
         """Send these control values in one block, and return its rows; what is left out keeps its value. Raises UsageError."""

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import handctl
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Interrupted, NoAnswer, UsageError
+from tests.support.cli import PATIENCE
 from tests.support.each_row import each_row
 
 ONE: dict[str, Any] = {"motors": "1", "send": "velocity", "receive": "position"}
@@ -128,3 +131,56 @@ def test_other_streams_take_no_values() -> None:
         stream.step()
         with pytest.raises(HandctlError):
             stream.step()
+
+
+def stepped(loop: handctl.Stream, began: threading.Event, ended: list[BaseException]) -> None:
+    """Steps without rest, until it must not."""
+    try:
+        while True:
+            loop.step(velocity=20)
+            began.set()
+    except BaseException as exc:  # noqa: BLE001 - all that a thread ends with
+        ended.append(exc)
+
+
+@each_row("way", ["with", "close", "disconnect", "stop", "error"])
+def test_a_loop_that_another_thread_steps_ends_and_stops_the_hand(way: str, tmp_path: Path) -> None:
+    """The `with` promises it for whatever reason it ends; a thread that is in a step is no reason to go on driving."""
+    trace, ended = tmp_path / "t.txt", list[BaseException]()
+    hand = handctl.simulate("barrett", initialized=1, trace=str(trace))
+    loop, began = hand.realtime(**ONE), threading.Event()
+    thread = threading.Thread(target=stepped, args=(loop, began, ended))
+    thread.start()
+    assert began.wait(PATIENCE)
+    with pytest.raises(RuntimeError) if way in ("with", "error") else nullcontext():
+        match way:
+            case "with":
+                with loop:
+                    raise RuntimeError
+            case "error":
+                with hand:
+                    raise RuntimeError
+            case _:
+                {"close": loop.close, "disconnect": hand.disconnect, "stop": hand.stop}[way]()
+    thread.join(PATIENCE)
+    hand.disconnect()
+    assert not thread.is_alive() and isinstance(ended[0], UsageError | Interrupted), ended
+    lines = sent(trace)
+    assert any(line in ("31540D", "540D") for line in lines[-12:]) and not any(
+        line.startswith("43") for line in lines[-4:]
+    )
+
+
+def test_several_threads_take_turns_in_a_loop() -> None:
+    """As in all other calls: none meets another one in the middle of a block."""
+    with handctl.simulate("barrett", initialized=1) as hand, hand.realtime(**ONE) as loop:
+        rows: list[int] = []
+        threads = [
+            threading.Thread(target=lambda: rows.extend(len(loop.step(velocity=5)) for _ in range(20)))
+            for _ in range(4)
+        ]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join(PATIENCE)
+        assert len(rows) == 80 and set(rows) == {2}

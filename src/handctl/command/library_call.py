@@ -12,6 +12,7 @@ import os
 import threading
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -124,6 +125,35 @@ class Call(Run):
         self.result()
 
 
+class Samples(Iterator[list[Row]]):
+    """The samples of a stream, taken one at a time, in whichever thread. It can be ended while another thread takes one."""
+
+    def __init__(self, begin: Callable[[Samples], Generator[list[Row], None, None]]) -> None:
+        self._source = begin(self)
+        self._turn = threading.RLock()
+        self._over = False
+
+    def __next__(self) -> list[Row]:
+        with self._turn:
+            if self._over:
+                raise StopIteration
+            return next(self._source)
+
+    def close(self) -> bool:
+        """End it, behind the sample that another thread is taking; whether it had not ended by itself."""
+        with self.ending():
+            going = getattr(self._source, "gi_frame", None) is not None
+            self._source.close()
+        return going
+
+    @contextmanager
+    def ending(self) -> Iterator[None]:
+        """Around what ends it: no further sample is taken, also by a thread that never rests."""
+        self._over = True
+        with self._turn:
+            yield
+
+
 class LibrarySession:
     """One device with many calls: its session and the settings of its link.
 
@@ -139,6 +169,7 @@ class LibrarySession:
         self._parsed: dict[Any, click.Context] = {}
         self._bound: dict[Any, Call] = {}  # readings that went well: the next one asks the same
         self._running: Generator[list[Row], None, None] | None = None
+        self._stream: Samples | None = None
         self._turn = threading.RLock()
 
     def open(self) -> None:
@@ -155,7 +186,8 @@ class LibrarySession:
         with self._turn:
             self._closed = True
             self._bound.clear()
-            self._end_stream()
+        self._end_stream()
+        with self._turn:
             atexit.unregister(self._ended)
             return self.session.close(self.last.journal if self.last is not None else Journal())
 
@@ -166,8 +198,8 @@ class LibrarySession:
             self._stop_running()
         except HandctlError as exc:
             failure = exc
+        self._end_stream()
         with self._turn:
-            self._end_stream()
             ended = self.session.stop_moving(Caller(False))
         return next((stop for stop in ended if stop.code == NOT_STOPPED), failure)
 
@@ -253,10 +285,10 @@ class LibrarySession:
         """
         if command.stops and not dry_run and (sent := self._stop_running()) is not None:
             return sent
+        if command.stops:
+            self._end_stream()
         with self._turn, self._watched():
-            if command.stops:
-                self._end_stream()
-            elif not command.offline:
+            if not (command.stops or command.offline):
                 self.check_open()
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
@@ -266,7 +298,7 @@ class LibrarySession:
             call.body = command.body(call)
             outcome = call.carry_out(call.body)
             if outcome.streams and outcome.failure is None:
-                return self._taken(call)
+                return Samples(partial(self._taken, call))
             call.end_device()
             if self._closed:
                 self.close()  # behind a stop
@@ -327,11 +359,12 @@ class LibrarySession:
             hint = "leave its loop, or close it. `stop` can be called at any time"
             raise UsageError(f"{self.settings.port}: a stream is running on this link", hint=hint)
 
-    def _taken(self, call: Call) -> Iterator[list[Row]]:
+    def _taken(self, call: Call, stream: Samples) -> Generator[list[Row], None, None]:
         with self._turn:
             self.check_open()
             self._check_free()
-            self._running = samples = call.samples()
+            self._stream, self._running = stream, call.samples()
+            samples = self._running
         try:
             with self._watched():
                 yield from samples
@@ -340,6 +373,9 @@ class LibrarySession:
                 self._running = None
 
     def _end_stream(self) -> None:
-        running, self._running = self._running, None
-        if running is not None:
-            running.close()
+        """End the stream that is running. Not within a turn: the thread that takes its samples may wait for one."""
+        running, stream = self._running, self._stream
+        if running is not None and stream is not None:
+            with stream.ending():
+                running.close()
+                self._running = None
