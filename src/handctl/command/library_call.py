@@ -128,19 +128,22 @@ class Call(Run):
 class Samples(Iterator[list[Row]]):
     """The samples of a stream, taken one at a time, in whichever thread. It can be ended while another thread takes one."""
 
-    def __init__(self, begin: Callable[[Samples], Generator[list[Row], None, None]]) -> None:
-        self._source = begin(self)
+    def __init__(self, session: LibrarySession, begin: Callable[[Samples], Generator[list[Row], None, None]]) -> None:
+        self._session, self._source = session, begin(self)
         self._turn = threading.RLock()
         self._over = False
 
     def __next__(self) -> list[Row]:
+        self._session.check_process()
         with self._turn:
             if self._over:
                 raise StopIteration
             return next(self._source)
 
     def close(self) -> bool:
-        """End it, behind the sample that another thread is taking; whether it had not ended by itself."""
+        """End it, behind the sample that another thread is taking; whether it had not ended by itself. A fork leaves it to its parent."""
+        if self._session.forked:
+            return False
         with self.ending():
             going = getattr(self._source, "gi_frame", None) is not None
             self._source.close()
@@ -171,6 +174,7 @@ class LibrarySession:
         self._running: Generator[list[Row], None, None] | None = None
         self._stream: Samples | None = None
         self._turn = threading.RLock()
+        self._process = os.getpid()
 
     def open(self) -> None:
         """Open the link now. Raises LinkError, UsageError."""
@@ -182,7 +186,9 @@ class LibrarySession:
         call.finished(body)
 
     def close(self) -> HandctlError | None:
-        """Close the link, and stop nothing; what went wrong."""
+        """Close the link, and stop nothing; what went wrong. A fork of this program leaves both to it."""
+        if self.forked:
+            return None
         with self._turn:
             self._closed = True
             self._bound.clear()
@@ -193,6 +199,8 @@ class LibrarySession:
 
     def stop_moving(self) -> HandctlError | None:
         """Stop what calls have set in motion, also one in another thread; the first of these stops that was not acknowledged."""
+        if self.forked:
+            return None
         failure = None
         try:
             self._stop_running()
@@ -203,13 +211,26 @@ class LibrarySession:
             ended = self.session.stop_moving(Caller(False))
         return next((stop for stop in ended if stop.code == NOT_STOPPED), failure)
 
-    def _ended(self, pid: int) -> None:
-        """The program ends, and has not closed the link. A fork of it leaves the device to it."""
-        if pid == os.getpid():
-            failure = self.stop_moving()
-            self.close()
-            if failure is not None:
-                raise failure
+    def _ended(self) -> None:
+        """The program ends, and has not closed the link."""
+        failure = self.stop_moving()
+        self.close()
+        if failure is not None:
+            raise failure
+
+    @property
+    def forked(self) -> bool:
+        """Whether this is a fork of the program that has opened the link: link, lock and guard are that one's."""
+        return os.getpid() != self._process
+
+    def check_process(self) -> None:
+        """Raise UsageError in a fork: two processes would take each other's replies, and the lock keeps them both."""
+        if self.forked:
+            raise UsageError(
+                f"{self.settings.port}: the connection belongs to process {self._process}, of which this one is a fork",
+                hint="close it there, then call handctl.connect in this process. `stop` can be called at any time",
+                code="forked",
+            )
 
     @contextmanager
     def _watched(self) -> Iterator[None]:
@@ -223,7 +244,7 @@ class LibrarySession:
             link = self.last.link if self.last is not None else None
             if self.session.in_motion and link is not None and not link.fake:
                 atexit.unregister(self._ended)
-                atexit.register(self._ended, os.getpid())
+                atexit.register(self._ended)
 
     def _interrupted(self, error: BaseException) -> None:
         """Where Ctrl-C has ended a call, and stopped what that drives: stop what earlier calls have left moving, too."""
@@ -258,6 +279,7 @@ class LibrarySession:
             return None
         if call is None:  # `stop` does not wait for a turn
             return None
+        self.check_process()
         with self._turn:
             if self._running is not None:
                 return None
@@ -287,6 +309,8 @@ class LibrarySession:
             return sent
         if command.stops:
             self._end_stream()
+        else:
+            self.check_process()
         with self._turn, self._watched():
             if not (command.stops or command.offline):
                 self.check_open()
@@ -298,7 +322,7 @@ class LibrarySession:
             call.body = command.body(call)
             outcome = call.carry_out(call.body)
             if outcome.streams and outcome.failure is None:
-                return Samples(partial(self._taken, call))
+                return Samples(self, partial(self._taken, call))
             call.end_device()
             if self._closed:
                 self.close()  # behind a stop
