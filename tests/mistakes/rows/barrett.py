@@ -227,6 +227,15 @@ ROWS = (
         MOVES_ON + "the_whole_stop_goes_out_once_more",
     ),
     mistake(
+        "barrett-a-prompt-alone-is-a-version",
+        "evidence believed",
+        HAND,
+        "BarrettHand.version",
+        'self.about["firmware"] = " ".join(self.checked(self.line.read("VERS", _has_text)).lines)',
+        'self.about["firmware"] = " ".join(self.checked(self.line.read("VERS")).lines)',
+        "tests/barrett/test_hand.py::test_a_prompt_alone_is_no_version",
+    ),
+    mistake(
         "barrett-torque-goes-whichever-way",
         "evidence believed",
         MOTION,
