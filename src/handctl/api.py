@@ -15,7 +15,7 @@ import keyword
 import re
 import shlex
 from collections.abc import Callable, Iterator, Mapping
-from functools import cache
+from functools import cache, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -189,14 +189,14 @@ class Stream(Iterator[Rows]):
         """Send these control values in one block, and return its rows; what is left out keeps its value. Raises UsageError."""
         steer = self._table.steer if self._table is not None else None
         try:
-            if steer is not None:
-                steer(values)
-            elif values:
+            if steer is not None and isinstance(self._samples, Samples):
+                return Rows(self._samples.behind(partial(steer, values)))
+            if values:
                 raise UsageError("this command takes no values", hint="take its samples in a loop")
-            return next(self)
+            return Rows(next(self._samples))
         except StopIteration:
             raise error_in_python(UsageError("the stream has ended", hint="start it again"), self._kind) from None
-        except UsageError as exc:
+        except HandctlError as exc:
             raise error_in_python(exc, self._kind) from None
 
     def frame(self) -> Any:

@@ -172,15 +172,16 @@ def test_a_loop_that_another_thread_steps_ends_and_stops_the_hand(way: str, tmp_
 
 
 def test_several_threads_take_turns_in_a_loop() -> None:
-    """As in all other calls: none meets another one in the middle of a block."""
+    """As in all other calls: none meets another one in the middle of a block, and each gets the block that it has sent."""
     with handctl.simulate("barrett", initialized=1) as hand, hand.realtime(**ONE) as loop:
-        rows: list[int] = []
-        threads = [
-            threading.Thread(target=lambda: rows.extend(len(loop.step(velocity=5)) for _ in range(20)))
-            for _ in range(4)
-        ]
+        got: list[tuple[int, int]] = []
+
+        def steps(velocity: int) -> None:
+            got.extend((velocity, loop.step(velocity=velocity).named()["velocity_command.F1"]) for _ in range(20))
+
+        threads = [threading.Thread(target=steps, args=(velocity,)) for velocity in range(1, 5)]
         for one in threads:
             one.start()
         for one in threads:
             one.join(PATIENCE)
-        assert len(rows) == 80 and set(rows) == {2}
+        assert len(got) == 80 and all(sent == shown for sent, shown in got)

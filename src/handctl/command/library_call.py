@@ -140,6 +140,12 @@ class Samples(Iterator[list[Row]]):
                 raise StopIteration
             return next(self._source)
 
+    def behind(self, act: Callable[[], object]) -> list[Row]:
+        """The next sample, with `act` before it; no other thread takes one in between."""
+        with self._turn:
+            act()
+            return next(self)
+
     def close(self) -> bool:
         """End it, behind the sample that another thread is taking; whether it had not ended by itself. A fork leaves it to its parent."""
         if self._session.forked:

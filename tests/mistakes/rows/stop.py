@@ -1295,7 +1295,7 @@ ROWS = (
         "library-stream-taken-by-two-threads-at-once",
         "stop not sent",
         LIBRARY,
-        "Samples.__next__",
+        "Samples.behind",
         "with self._turn:",
         "if True:",
         "tests/barrett/test_step.py::test_several_threads_take_turns_in_a_loop",
