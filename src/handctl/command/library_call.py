@@ -11,7 +11,7 @@ import io
 import os
 import threading
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +30,7 @@ from handctl.model.stop_on_interrupt import NOT_STOPPED, ended_by_interrupt
 if TYPE_CHECKING:
     from handctl.command.connection import Session
     from handctl.command.family import Family
+    from handctl.link import Link
     from handctl.model.command_settings import Settings
     from handctl.model.param import Changes, Step
 
@@ -86,6 +87,15 @@ class Call(Run):
     ) -> None:
         super().__init__(ctx, settings, family, Caller(confirm), session)
         self.typed = io.StringIO()
+        self.opening = threading.RLock()
+        self.ended: Interrupted | None = None
+
+    def open_link(self, *, again: bool = False, baud: int | None = None, listening: bool = False) -> Link:
+        """See `Run`. Raises Interrupted where the device was stopped since this call began, as while its question was answered."""
+        with self.opening:
+            if self.ended is not None:
+                raise self.ended
+            return super().open_link(again=again, baud=baud, listening=listening)
 
     def finished(self, body: Callable[[], Any]) -> list[Row]:
         """The rows of a body that is no stream. Raises HandctlError; KeyboardInterrupt for Ctrl-C."""
@@ -179,6 +189,7 @@ class LibrarySession:
         self._bound: dict[Any, Call] = {}  # readings that went well: the next one asks the same
         self._running: Generator[list[Row], None, None] | None = None
         self._stream: Samples | None = None
+        self._current: Call | None = None
         self._turn = threading.RLock()
         self._process = os.getpid()
 
@@ -252,6 +263,15 @@ class LibrarySession:
                 atexit.unregister(self._ended)
                 atexit.register(self._ended)
 
+    @contextmanager
+    def _within(self, call: Call) -> Iterator[None]:
+        """Around a call: what comes in this thread until its end, in a signal handler or in `confirm`, comes in the middle of it."""
+        before, self._current = self._current, call
+        try:
+            yield
+        finally:
+            self._current = before
+
     def _interrupted(self, error: BaseException) -> None:
         """Where Ctrl-C has ended a call, and stopped what that drives: stop what earlier calls have left moving, too."""
         ours = isinstance(error, HandctlError) and (not ended_by_interrupt(error) or error.code == STOPPED)
@@ -263,14 +283,21 @@ class LibrarySession:
 
         Raises how that stop failed.
         """
+        who, call = "by another thread of this program", self._current
         if self._turn.acquire(blocking=False):
             try:
-                if not getattr(self._running, "gi_running", False):
+                who = "in the middle of this call" if call is not None else who
+                if call is None and not getattr(self._running, "gi_running", False):
                     return None
             finally:
                 self._turn.release()
+        if call is not None:
+            with call.opening:
+                if call.link is None:
+                    call.ended = Interrupted(f"stopped {who}, before it reached the device", code=STOPPED)
+                    return None
         access = self.last.connection.device_access if self.last is not None else None
-        stopped = access.stop_from_outside("stopped by another thread of this program") if access is not None else None
+        stopped = access.stop_from_outside(f"stopped {who}") if access is not None else None
         if access is None or stopped is None:  # no link is open yet
             return None
         if stopped.code != STOPPED:
@@ -313,11 +340,14 @@ class LibrarySession:
         """
         if command.stops and not dry_run and (sent := self._stop_running()) is not None:
             return sent
+        turn: AbstractContextManager[object] = self._turn
         if command.stops:
             self._end_stream()
+            if (current := self._current) is not None and current.ended is not None:
+                turn = nullcontext()  # that one only waits for an answer, and reaches no device any more
         else:
             self.check_process()
-        with self._turn, self._watched():
+        with turn, self._watched():
             if not (command.stops or command.offline):
                 self.check_open()
             self._check_free()
@@ -326,7 +356,8 @@ class LibrarySession:
                 settings = settings._replace(trace=None)  # the file is complete
             call = self._call(command, words, values, settings, confirm)
             call.body = command.body(call)
-            outcome = call.carry_out(call.body)
+            with nullcontext() if command.stops else self._within(call):
+                outcome = call.carry_out(call.body)
             if outcome.streams and outcome.failure is None:
                 return Samples(self, partial(self._taken, call))
             call.end_device()

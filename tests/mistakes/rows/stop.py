@@ -1319,6 +1319,15 @@ ROWS = (
         "tests/contract/test_library_fork.py::test_the_end_of_a_fork_leaves_the_device_to_its_parent",
     ),
     mistake(
+        "library-stop-in-a-question-is-forgotten",
+        "moves behind a stop",
+        LIBRARY,
+        "Call.open_link",
+        "if self.ended is not None:",
+        "if False:",
+        "tests/stop/test_stop_within_call.py::test_nothing_is_written_behind_a_stop_in_its_question",
+    ),
+    mistake(
         "library-takes-any-answer-for-a-yes",
         "unasked",
         LIBRARY,
