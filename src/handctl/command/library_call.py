@@ -11,7 +11,7 @@ import io
 import os
 import threading
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -191,6 +191,7 @@ class LibrarySession:
         self._stream: Samples | None = None
         self._current: Call | None = None
         self._turn = threading.RLock()
+        self._stops = threading.RLock()
         self._process = os.getpid()
 
     def open(self) -> None:
@@ -340,11 +341,11 @@ class LibrarySession:
         """
         if command.stops and not dry_run and (sent := self._stop_running()) is not None:
             return sent
-        turn: AbstractContextManager[object] = self._turn
+        turn = self._turn
         if command.stops:
             self._end_stream()
             if (current := self._current) is not None and current.ended is not None:
-                turn = nullcontext()  # that one only waits for an answer, and reaches no device any more
+                turn = self._stops  # that one only waits for an answer, and reaches no device any more
         else:
             self.check_process()
         with turn, self._watched():
