@@ -14,8 +14,8 @@ from __future__ import annotations
 import keyword
 import re
 import shlex
-from collections.abc import Callable, Generator, Iterator, Mapping
-from functools import cache
+from collections.abc import Callable, Iterator, Mapping
+from functools import cache, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -23,7 +23,7 @@ import click
 
 from handctl.command.command_tree import Command
 from handctl.command.family import Family, load
-from handctl.command.library_call import Confirm, LibrarySession
+from handctl.command.library_call import Confirm, LibrarySession, Samples
 from handctl.command.open_links import Session
 from handctl.errors import HandctlError, UsageError
 from handctl.families import FAMILIES, HISTORY
@@ -182,23 +182,21 @@ class Stream(Iterator[Rows]):
 
     def close(self) -> None:
         """End it, and leave the device. Raises what the command would have ended with."""
-        if isinstance(self._samples, Generator) and getattr(self._samples, "gi_frame", None) is not None:
-            self._samples.close()
-            if (failure := self._failure()) is not None:
-                raise error_in_python(failure, self._kind)
+        if isinstance(self._samples, Samples) and self._samples.close() and (failure := self._failure()) is not None:
+            raise error_in_python(failure, self._kind)
 
     def step(self, **values: Any) -> Rows:
         """Send these control values in one block, and return its rows; what is left out keeps its value. Raises UsageError."""
         steer = self._table.steer if self._table is not None else None
         try:
-            if steer is not None:
-                steer(values)
-            elif values:
+            if steer is not None and isinstance(self._samples, Samples):
+                return Rows(self._samples.behind(partial(steer, values)))
+            if values:
                 raise UsageError("this command takes no values", hint="take its samples in a loop")
-            return next(self)
+            return Rows(next(self._samples))
         except StopIteration:
             raise error_in_python(UsageError("the stream has ended", hint="start it again"), self._kind) from None
-        except UsageError as exc:
+        except HandctlError as exc:
             raise error_in_python(exc, self._kind) from None
 
     def frame(self) -> Any:

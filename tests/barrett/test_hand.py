@@ -223,6 +223,14 @@ def test_version_is_the_hands_own_text(text: str) -> None:
     assert hand.version() == text.replace("|", " ")
 
 
+def test_a_prompt_alone_is_no_version() -> None:
+    """Of a download that is what shows that the new firmware runs."""
+    hand, link = scripted({"VERS": ""})
+    with pytest.raises(ProtocolError):
+        hand.version()
+    assert link.commands.count("VERS") == 1 + hand.line.retries
+
+
 def test_refusal_names_the_sum() -> None:
     hand, link = scripted()
     error = hand.refusal(Answer("13M 17000", (), 20, b""))

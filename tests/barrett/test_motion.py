@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from unittest import mock
 
@@ -15,6 +16,7 @@ from handctl.link import Deadline
 from handctl.link.fake import FakeLink
 from handctl.model.prompts import Prompts
 from handctl.model.stop_on_interrupt import NOT_STOPPED
+from tests.barrett.commands import fake
 from tests.barrett.support import ABORT, BARRETT, PROMPT, ScriptedHand, Simulated, codes, hand_on, scripted, simulated
 from tests.support.cli import run
 from tests.support.each_row import each_row
@@ -428,12 +430,22 @@ def test_how_it_ended(name: str, now: dict[str, int], goal: int | None, status: 
         ("M", 2000, 5000, 16, 100, ("contact", "stalled short of the target")),
         ("M", 100, 5000, 16, 100, ("contact", "stalled short of the target")),
         ("M", 100, 5000, 4, 100, ("blocked", "not initialized: did not move")), ("HI", 9000, 0, 0, None, ("short", "its position is not 0 after HI")),
+        # under torque control it ends where it stalls, which is somewhere on its way
+        ("TO", 150, None, 0, 100, ("contact", "stalled on something, or at the joint stop")),
+        ("TO", 151, None, 0, 100, ("astray", "moved the wrong way")), ("TC", 100, None, 0, 9000, ("astray", "moved the wrong way")),
+        ("TC", 9000, None, 0, None, ("contact", "stalled on something, or at the joint stop")),
     ],
 )  # fmt: skip
 def test_only_what_moved_or_says_so_touched_something(
-    name: str, now: int, goal: int, status: int, start: int | None, ended: tuple[str, str]
+    name: str, now: int, goal: int | None, status: int, start: int | None, ended: tuple[str, str]
 ) -> None:
     assert motion.how_it_ended(name, {**OFF, "P": now}, goal, status, motion.Start(start)) == ended
+
+
+def test_a_finger_that_closes_when_it_is_to_open_has_gone_astray() -> None:
+    """Also under torque control, which has no target (barrett §8: moves in the opposite direction)."""
+    opened = run("barrett", "torque-open", "-p", fake(fault="reversed"), "--json")
+    assert opened.code == 6 and [row["arrival"] for row in opened.rows] == ["astray", "contact", "contact", "contact"]
 
 
 @each_row("name", ["HOME", "M", "HI", "O"])
@@ -457,6 +469,16 @@ def test_stop_refused() -> None:
     hand, _ = scripted({"T": "ERR 32"})
     with pytest.raises(DeviceRefused):
         motion.power_off(hand, "")
+
+
+@each_row("places, error", [
+    ("5 5 5 5", None), ("5 5 5", ProtocolError), ("ERR 8192", ProtocolError), (None, NoAnswer),
+    (["1 1 1 1", "99 1 1 1", "199 1 1 1", "299 1 1 1"], DeviceRefused),
+])  # fmt: skip
+def test_a_hand_that_was_found_again_is_seen_standing(places: str | None, error: type[Exception] | None) -> None:
+    hand, _ = scripted({"T": "", "FGET P": places})
+    with pytest.raises(error) if error is not None else nullcontext():
+        assert motion.find_and_power_off(hand, "").endswith("motor power is off")
 
 
 # -- Ctrl-C -----------------------------------------------------------------------------------------------------------

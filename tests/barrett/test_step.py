@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import threading
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import handctl
-from handctl.errors import CheckFailed, DeviceRefused, HandctlError, NoAnswer, UsageError
+from handctl.errors import CheckFailed, DeviceRefused, HandctlError, Interrupted, NoAnswer, UsageError
+from tests.support.cli import PATIENCE
 from tests.support.each_row import each_row
 
 ONE: dict[str, Any] = {"motors": "1", "send": "velocity", "receive": "position"}
@@ -37,7 +40,14 @@ def test_a_program_closes_the_loop(tmp_path: Path) -> None:
     assert sent(trace)[:4] == ["4328", "61", "4328", "61"]
 
 
-@pytest.mark.parametrize("given", [20, {"F1": 20, "F2": 20}, [20, 20], "F1=20,F2=20"])
+class Numpy:
+    """A number of another library, as numpy's: no int, and printed as one."""
+
+    def __str__(self) -> str:
+        return "20"
+
+
+@pytest.mark.parametrize("given", [20, {"F1": 20, "F2": 20}, [20, 20], "F1=20,F2=20", Numpy(), [Numpy(), Numpy()]])
 def test_values_in_each_form_hold_until_the_next(given: Any) -> None:
     with (
         handctl.simulate("barrett", initialized=1) as hand,
@@ -93,6 +103,7 @@ def test_the_guards_are_stronger() -> None:
     ("options", "values"),
     [
         (ONE, {"velocity": 1.5}),
+        (ONE, {"velocity": None}),
         (ONE, {"velocity": 128}),
         (ONE, {"velocity": float("nan")}),
         (ONE, {"velocity": {"F9": 3}}),
@@ -120,3 +131,57 @@ def test_other_streams_take_no_values() -> None:
         stream.step()
         with pytest.raises(HandctlError):
             stream.step()
+
+
+def stepped(loop: handctl.Stream, began: threading.Event, ended: list[BaseException]) -> None:
+    """Steps without rest, until it must not."""
+    try:
+        while True:
+            loop.step(velocity=20)
+            began.set()
+    except BaseException as exc:  # noqa: BLE001 - all that a thread ends with
+        ended.append(exc)
+
+
+@each_row("way", ["with", "close", "disconnect", "stop", "error"])
+def test_a_loop_that_another_thread_steps_ends_and_stops_the_hand(way: str, tmp_path: Path) -> None:
+    """The `with` promises it for whatever reason it ends; a thread that is in a step is no reason to go on driving."""
+    trace, ended = tmp_path / "t.txt", list[BaseException]()
+    hand = handctl.simulate("barrett", initialized=1, trace=str(trace))
+    loop, began = hand.realtime(**ONE), threading.Event()
+    thread = threading.Thread(target=stepped, args=(loop, began, ended))
+    thread.start()
+    assert began.wait(PATIENCE)
+    with pytest.raises(RuntimeError) if way in ("with", "error") else nullcontext():
+        match way:
+            case "with":
+                with loop:
+                    raise RuntimeError
+            case "error":
+                with hand:
+                    raise RuntimeError
+            case _:
+                {"close": loop.close, "disconnect": hand.disconnect, "stop": hand.stop}[way]()
+    thread.join(PATIENCE)
+    hand.disconnect()
+    assert not thread.is_alive() and isinstance(ended[0], UsageError | Interrupted), ended
+    lines = sent(trace)
+    assert any(line in ("31540D", "540D") for line in lines[-12:]) and not any(
+        line.startswith("43") for line in lines[-4:]
+    )
+
+
+def test_several_threads_take_turns_in_a_loop() -> None:
+    """As in all other calls: none meets another one in the middle of a block, and each gets the block that it has sent."""
+    with handctl.simulate("barrett", initialized=1) as hand, hand.realtime(**ONE) as loop:
+        got: list[tuple[int, int]] = []
+
+        def steps(velocity: int) -> None:
+            got.extend((velocity, loop.step(velocity=velocity).named()["velocity_command.F1"]) for _ in range(20))
+
+        threads = [threading.Thread(target=steps, args=(velocity,)) for velocity in range(1, 5)]
+        for one in threads:
+            one.start()
+        for one in threads:
+            one.join(PATIENCE)
+        assert len(got) == 80 and all(sent == shown for sent, shown in got)

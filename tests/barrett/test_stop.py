@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import combinations
 
 import pytest
@@ -19,6 +20,7 @@ from handctl.model.stop_sequence import (
     SILENCE,
     StopContext,
     Stopped,
+    StopPlan,
     exchange_steps,
     run_stop,
     writes_without_replies,
@@ -218,6 +220,26 @@ def test_which_motors_keep_their_power_is_read(hold: str, kept: str, off: str) -
     assert f"HOLD keeps {kept} powered" in stopped.text and (f"{off} should be off" in stopped.text) == bool(off)
     none = Coasting(lambda since: 5.0, hold="0 0 0 0").stopped(powered=True)
     assert "no motor powered" in none.text
+
+
+def test_a_hand_that_restarts_at_ctrl_c_holds_nothing() -> None:
+    """Its motors have no power until HI, whatever HOLD is."""
+
+    class Restarting(Coasting):
+        def answer(self, request: bytes) -> list[Reply]:
+            banner = b"\n\rBarrettHand Firmware\n\r4.33\n\r=> "
+            return [(0.001, banner)] if request == b"\x03" else super().answer(request)
+
+    stopped = Restarting(lambda since: 0.0).stopped(powered=True)
+    assert stopped.error is None and "HOLD" not in stopped.text and "(HI)" in stopped.text
+
+
+def test_a_stop_of_some_motors_goes_out_once_more_too() -> None:
+    """For the child of a loop of these motors, as for the verb."""
+    hand = Coasting(COASTS["coasts"][0])
+    plan = StopPlan("barrett", StopContext(Settings(), speed=9600, fixed=True), partial(power_off, prefix="1"))
+    assert plan(hand.link).goes_on
+    assert [one for one in hand.commands if one in (b"\x03", b"1T")] == [b"\x03", b"1T"] * 2
 
 
 @each_row("pieces", [b"\n\r=> ", b"\n\r=> T", b"T\n", b""])

@@ -185,7 +185,7 @@ def test_keys_of_a_real_terminal_and_a_port_that_goes(tmp_path: Path) -> None:
             prompt.send("\x04")
             assert prompt.finish() == 0
             assert "Traceback" not in prompt.text
-        sent = [" ".join(line.upper().split()) for line in sent_lines(trace)]
+        sent = [words for line in sent_lines(trace) if (words := " ".join(line.upper().split())) != "FGET P"]
         keyed = ["PGET SN", "VERS", "PGET SN", "12HOME", "PGET TEMP", "FGET P LFAP", "FSET MCV 20", "GC"]
         assert sent[: len(keyed)] == keyed
         with Prompt(tmp_path, sim.link, "--force", "--trace", trace) as prompt:

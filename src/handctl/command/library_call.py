@@ -11,7 +11,8 @@ import io
 import os
 import threading
 from collections.abc import Callable, Generator, Hashable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -29,6 +30,7 @@ from handctl.model.stop_on_interrupt import NOT_STOPPED, ended_by_interrupt
 if TYPE_CHECKING:
     from handctl.command.family import Family
     from handctl.command.open_links import Session
+    from handctl.link import Link
     from handctl.model.command_settings import Settings
     from handctl.model.param import Changes, Step
 
@@ -85,6 +87,15 @@ class Call(Run):
     ) -> None:
         super().__init__(ctx, settings, family, Caller(confirm), session)
         self.typed = io.StringIO()
+        self.opening = threading.RLock()
+        self.ended: Interrupted | None = None
+
+    def open_link(self, *, again: bool = False, baud: int | None = None, listening: bool = False) -> Link:
+        """See `Run`. Raises Interrupted where the device was stopped since this call began, as while its question was answered."""
+        with self.opening:
+            if self.ended is not None:
+                raise self.ended
+            return super().open_link(again=again, baud=baud, listening=listening)
 
     def finished(self, body: Callable[[], Any]) -> list[Row]:
         """The rows of a body that is no stream. Raises HandctlError; KeyboardInterrupt for Ctrl-C."""
@@ -124,6 +135,44 @@ class Call(Run):
         self.result()
 
 
+class Samples(Iterator[list[Row]]):
+    """The samples of a stream, taken one at a time, in whichever thread. It can be ended while another thread takes one."""
+
+    def __init__(self, session: LibrarySession, begin: Callable[[Samples], Generator[list[Row], None, None]]) -> None:
+        self._session, self._source = session, begin(self)
+        self._turn = threading.RLock()
+        self._over = False
+
+    def __next__(self) -> list[Row]:
+        self._session.check_process()
+        with self._turn:
+            if self._over:
+                raise StopIteration
+            return next(self._source)
+
+    def behind(self, act: Callable[[], object]) -> list[Row]:
+        """The next sample, with `act` before it; no other thread takes one in between."""
+        with self._turn:
+            act()
+            return next(self)
+
+    def close(self) -> bool:
+        """End it, behind the sample that another thread is taking; whether it had not ended by itself. A fork leaves it to its parent."""
+        if self._session.forked:
+            return False
+        with self.ending():
+            going = getattr(self._source, "gi_frame", None) is not None
+            self._source.close()
+        return going
+
+    @contextmanager
+    def ending(self) -> Iterator[None]:
+        """Around what ends it: no further sample is taken, also by a thread that never rests."""
+        self._over = True
+        with self._turn:
+            yield
+
+
 class LibrarySession:
     """One device with many calls: its session and the settings of its link.
 
@@ -139,7 +188,11 @@ class LibrarySession:
         self._parsed: dict[Any, click.Context] = {}
         self._bound: dict[Any, Call] = {}  # readings that went well: the next one asks the same
         self._running: Generator[list[Row], None, None] | None = None
+        self._stream: Samples | None = None
+        self._current: Call | None = None
         self._turn = threading.RLock()
+        self._stops = threading.RLock()
+        self._process = os.getpid()
 
     def open(self) -> None:
         """Open the link now. Raises LinkError, UsageError."""
@@ -151,33 +204,51 @@ class LibrarySession:
         call.finished(body)
 
     def close(self) -> HandctlError | None:
-        """Close the link, and stop nothing; what went wrong."""
+        """Close the link, and stop nothing; what went wrong. A fork of this program leaves both to it."""
+        if self.forked:
+            return None
         with self._turn:
             self._closed = True
             self._bound.clear()
-            self._end_stream()
+        self._end_stream()
+        with self._turn:
             atexit.unregister(self._ended)
             return self.session.close(self.last.journal if self.last is not None else Journal())
 
     def stop_moving(self) -> HandctlError | None:
         """Stop what calls have set in motion, also one in another thread; the first of these stops that was not acknowledged."""
+        if self.forked:
+            return None
         failure = None
         try:
             self._stop_running()
         except HandctlError as exc:
             failure = exc
+        self._end_stream()
         with self._turn:
-            self._end_stream()
             ended = self.session.stop_moving(Caller(False))
         return next((stop for stop in ended if stop.code == NOT_STOPPED), failure)
 
-    def _ended(self, pid: int) -> None:
-        """The program ends, and has not closed the link. A fork of it leaves the device to it."""
-        if pid == os.getpid():
-            failure = self.stop_moving()
-            self.close()
-            if failure is not None:
-                raise failure
+    def _ended(self) -> None:
+        """The program ends, and has not closed the link."""
+        failure = self.stop_moving()
+        self.close()
+        if failure is not None:
+            raise failure
+
+    @property
+    def forked(self) -> bool:
+        """Whether this is a fork of the program that has opened the link: link, lock and guard are that one's."""
+        return os.getpid() != self._process
+
+    def check_process(self) -> None:
+        """Raise UsageError in a fork: two processes would take each other's replies, and the lock keeps them both."""
+        if self.forked:
+            raise UsageError(
+                f"{self.settings.port}: the connection belongs to process {self._process}, of which this one is a fork",
+                hint="close it there, then call handctl.connect in this process. `stop` can be called at any time",
+                code="forked",
+            )
 
     @contextmanager
     def _watched(self) -> Iterator[None]:
@@ -191,7 +262,16 @@ class LibrarySession:
             link = self.last.link if self.last is not None else None
             if self.session.in_motion and link is not None and not link.fake:
                 atexit.unregister(self._ended)
-                atexit.register(self._ended, os.getpid())
+                atexit.register(self._ended)
+
+    @contextmanager
+    def _within(self, call: Call) -> Iterator[None]:
+        """Around a call: what comes in this thread until its end, in a signal handler or in `confirm`, comes in the middle of it."""
+        before, self._current = self._current, call
+        try:
+            yield
+        finally:
+            self._current = before
 
     def _interrupted(self, error: BaseException) -> None:
         """Where Ctrl-C has ended a call, and stopped what that drives: stop what earlier calls have left moving, too."""
@@ -204,14 +284,21 @@ class LibrarySession:
 
         Raises how that stop failed.
         """
+        who, call = "by another thread of this program", self._current
         if self._turn.acquire(blocking=False):
             try:
-                if not getattr(self._running, "gi_running", False):
+                who = "in the middle of this call" if call is not None else who
+                if call is None and not getattr(self._running, "gi_running", False):
                     return None
             finally:
                 self._turn.release()
+        if call is not None:
+            with call.opening:
+                if call.link is None:
+                    call.ended = Interrupted(f"stopped {who}, before it reached the device", code=STOPPED)
+                    return None
         access = self.last.connection.device_access if self.last is not None else None
-        stopped = access.stop_from_outside("stopped by another thread of this program") if access is not None else None
+        stopped = access.stop_from_outside(f"stopped {who}") if access is not None else None
         if access is None or stopped is None:  # no link is open yet
             return None
         if stopped.code != STOPPED:
@@ -226,6 +313,7 @@ class LibrarySession:
             return None
         if call is None:  # `stop` does not wait for a turn
             return None
+        self.check_process()
         with self._turn:
             if self._running is not None:
                 return None
@@ -253,10 +341,15 @@ class LibrarySession:
         """
         if command.stops and not dry_run and (sent := self._stop_running()) is not None:
             return sent
-        with self._turn, self._watched():
-            if command.stops:
-                self._end_stream()
-            elif not command.offline:
+        turn = self._turn
+        if command.stops:
+            self._end_stream()
+            if (current := self._current) is not None and current.ended is not None:
+                turn = self._stops  # that one only waits for an answer, and reaches no device any more
+        else:
+            self.check_process()
+        with turn, self._watched():
+            if not (command.stops or command.offline):
                 self.check_open()
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
@@ -264,9 +357,10 @@ class LibrarySession:
                 settings = settings._replace(trace=None)  # the file is complete
             call = self._call(command, words, values, settings, confirm)
             call.body = command.body(call)
-            outcome = call.carry_out(call.body)
+            with nullcontext() if command.stops else self._within(call):
+                outcome = call.carry_out(call.body)
             if outcome.streams and outcome.failure is None:
-                return self._taken(call)
+                return Samples(self, partial(self._taken, call))
             call.end_device()
             if self._closed:
                 self.close()  # behind a stop
@@ -327,11 +421,12 @@ class LibrarySession:
             hint = "leave its loop, or close it. `stop` can be called at any time"
             raise UsageError(f"{self.settings.port}: a stream is running on this link", hint=hint)
 
-    def _taken(self, call: Call) -> Iterator[list[Row]]:
+    def _taken(self, call: Call, stream: Samples) -> Generator[list[Row], None, None]:
         with self._turn:
             self.check_open()
             self._check_free()
-            self._running = samples = call.samples()
+            self._stream, self._running = stream, call.samples()
+            samples = self._running
         try:
             with self._watched():
                 yield from samples
@@ -340,6 +435,9 @@ class LibrarySession:
                 self._running = None
 
     def _end_stream(self) -> None:
-        running, self._running = self._running, None
-        if running is not None:
-            running.close()
+        """End the stream that is running. Not within a turn: the thread that takes its samples may wait for one."""
+        running, stream = self._running, self._stream
+        if running is not None and stream is not None:
+            with stream.ending():
+                running.close()
+                self._running = None

@@ -7,6 +7,7 @@ their exit codes.
 from __future__ import annotations
 
 import contextlib
+import os
 import queue
 import threading
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Sequence
@@ -285,9 +286,10 @@ def _check(words: Sequence[str], every: Sequence[EachDevice]) -> None:
     traces = [each.line.settings.trace for each in every if each.line.settings.trace]
     for paths in (files, traces):
         if len(set(paths)) < len(paths):
+            folder, name = os.path.split(paths[0])
             raise UsageError(
                 f"{paths[0]}: one file cannot take several devices",
-                hint=f"put {NAME} into its name, such as {NAME}-{paths[0]}",
+                hint=f"put {NAME} into its name, such as {os.path.join(folder, f'{NAME}-{name}')}",
             )
 
 

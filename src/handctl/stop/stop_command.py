@@ -72,7 +72,7 @@ def stop(
 ) -> Table:
     """Stop the device of this run, through its holder or from here. Rows with the bytes sent and received.
 
-    `sequence` replaces the family's stopper. `otherwise` is tried if there was no reply: device -> evidence. Family and id of
+    `sequence` replaces the family's stopper. `otherwise` is tried if nothing acknowledged the stop: device -> evidence. Family and id of
     each device that a stop was sent to are added to `reached`. Of several devices, all have their `turns`.
     """
     began = clock.now()
@@ -645,7 +645,9 @@ def _from_here(
                     access.silent(device)
     expired = end is not None and end.expired
     silent = (
-        not expired and stopped.error is not None and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
+        not (expired or stopped.heard)
+        and stopped.error is not None
+        and issubclass(stopped.error, (errors.NoAnswer, errors.ProtocolError))
     )
     if silent and otherwise is not None:
         try:

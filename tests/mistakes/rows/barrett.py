@@ -18,6 +18,7 @@ GCL = "tests/barrett/test_gcl.py::test"
 
 STOPPER = "handctl.devices.barrett.stopper"
 STOP = "tests/barrett/test_stop.py::test"
+MOVES_ON = "tests/barrett/test_moves_on.py::test_"
 
 MADE = "tests/barrett/test_motion.py::test_a_movement_that_was_made_was_not_refused"
 
@@ -175,10 +176,74 @@ ROWS = (
         "barrett-one-reading-ends-a-movement",
         "evidence believed",
         MOTION,
-        "move",
+        "check_standing_after",
         "if look.error is DeviceRefused:  # the prompt was wrong: nothing was refused",
         "if False:",
         "tests/barrett/test_motion.py::test_motors_that_are_not_seen_standing_have_reached_nothing",
+        MOVES_ON + "a_prompt_that_comes_before_the_end_ends_the_command",
+    ),
+    mistake(
+        "barrett-positions-that-say-nothing-end-a-movement",
+        "stop not sent",
+        MOTION,
+        "check_standing_after",
+        "if look.error is None or (look.error is ProtocolError and answer.status):",
+        "if look.error in (None, ProtocolError):",
+        MOVES_ON + "a_movement_whose_end_cannot_be_seen_is_stopped",
+    ),
+    mistake(
+        "barrett-gcl-believes-a-prompt",
+        "stop not sent",
+        "handctl.devices.barrett.gcl.passthrough",
+        "ask",
+        "check_standing_after(hand, answer)",
+        "",
+        MOVES_ON + "a_prompt_that_comes_before_the_end_ends_the_command",
+    ),
+    mistake(
+        "stop-that-was-acknowledged-is-tried-otherwise",
+        "evidence believed",
+        "handctl.stop.stop_command",
+        "_from_here",
+        "not (expired or stopped.heard)",
+        "not expired",
+        MOVES_ON + "a_stop_without_readable_positions_is_no_success",
+    ),
+    mistake(
+        "barrett-found-again-stands-unseen",
+        "evidence believed",
+        MOTION,
+        "find_and_power_off",
+        "if look.error is not None:",
+        "if False:",
+        "tests/barrett/test_motion.py::test_a_hand_that_was_found_again_is_seen_standing",
+    ),
+    mistake(
+        "barrett-own-stop-goes-out-once",
+        "stop sent once",
+        "handctl.devices.barrett.cli",
+        "stop",
+        'lambda context: stop_sequence_of("barrett", context, steps),',
+        "steps,",
+        MOVES_ON + "the_whole_stop_goes_out_once_more",
+    ),
+    mistake(
+        "barrett-a-prompt-alone-is-a-version",
+        "evidence believed",
+        HAND,
+        "BarrettHand.version",
+        'self.about["firmware"] = " ".join(self.checked(self.line.read("VERS", _has_text)).lines)',
+        'self.about["firmware"] = " ".join(self.checked(self.line.read("VERS")).lines)',
+        "tests/barrett/test_hand.py::test_a_prompt_alone_is_no_version",
+    ),
+    mistake(
+        "barrett-torque-goes-whichever-way",
+        "evidence believed",
+        MOTION,
+        "how_it_ended",
+        'if start is not None and (now["P"] - start) * TORQUE.get(name, 0) < -near:',
+        "if False:",
+        "tests/barrett/test_motion.py::test_a_finger_that_closes_when_it_is_to_open_has_gone_astray",
     ),
     mistake(
         "barrett-dies-with-its-power-on",

@@ -769,6 +769,16 @@ ROWS = (
         "tests/inspire/test_exo.py::test_a_lost_ack_is_cleared_up_by_reading",
     ),
     mistake(
+        "inspire-a-refusal-is-believed",
+        "stop not sent",
+        "handctl.devices.inspire.register_device",
+        "RegisterDevice._write_run",
+        "if self.journal.counters.writes > before:",
+        "if False:",
+        "tests/inspire/test_refused_but_done.py::test_a_movement_that_was_begun_is_stopped",
+        "tests/inspire/test_refused_but_done.py::test_a_value_that_is_held_was_not_refused",
+    ),
+    mistake(
         "can-address-and-id-overlap",
         "address off by one",
         "handctl.devices.inspire.can_frames",

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 from handctl.devices.barrett.gcl.codec import (
     CR,
+    DISTURBED,
     KINDS,
     Answer,
     batches,
@@ -181,7 +182,7 @@ class BarrettHand(Device):
 
     def version(self) -> str:
         """The firmware's own text (its format is not documented)."""
-        self.about["firmware"] = " ".join(self.checked(self.line.read("VERS")).lines)
+        self.about["firmware"] = " ".join(self.checked(self.line.read("VERS", _has_text)).lines)
         return self.about["firmware"]
 
     def further(self, identity: dict[str, object]) -> list[str]:
@@ -494,6 +495,16 @@ class BarrettHand(Device):
 
             findings += [Finding(f"the hand is moving: {motor}", ("moving",)) for motor in look_for_motion(self.line)]
         return self.with_findings(table, findings, check)
+
+
+def _has_text(answer: Answer) -> None:
+    """Raise ProtocolError for a prompt alone: it may be a leftover, and is no sign of a firmware that runs."""
+    if not answer.status and not "".join(answer.lines).strip():
+        raise ProtocolError(
+            f"{answer.command}: expected a text, received a prompt alone ({answer.raw[-24:].hex(' ').upper()})",
+            hint=DISTURBED,
+            code="bad-line",
+        )
 
 
 def _is_speed(change: tuple[Element, Number]) -> bool:

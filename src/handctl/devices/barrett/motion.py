@@ -10,7 +10,6 @@ from typing import NamedTuple
 
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix, split
-from handctl.devices.barrett.gcl.session_start import look_for_motion
 from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
 from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
@@ -34,7 +33,7 @@ from handctl.model.movement import (
 from handctl.model.param import Reading, Step
 from handctl.model.prompts import CTRL_C, Prompts
 from handctl.model.result import Column, Row, Table
-from handctl.model.stop_sequence import FIND_WHO, Stopped, run_stop, sent_again
+from handctl.model.stop_sequence import Stopped, run_stop, sent_again
 from handctl.number_parsing import number_in
 
 GOALS = {"C": "CT", "O": "OT", "M": "DP"}
@@ -46,6 +45,8 @@ NEEDED = {
     "IO": ("P", "DS"),
     "IC": ("P", "DS"),
     "HOME": ("P",),
+    "TO": ("P",),
+    "TC": ("P",),
 }
 """What is asked before a movement for its goal; IVEL and the velocity follow, for what would harm."""
 VELOCITIES = {"O": ("MOV",), "IO": ("MOV",), "TO": ("MOV",), "HOME": ("MOV",), "M": ("MOV", "MCV"), "HI": ("IVEL",)}
@@ -164,11 +165,7 @@ def move(
         seconds = hand.link.now() - began
         hand.line.check_ended(text)
         strain = hand.read(BARRETT.elements("SG", motors=motors))  # first: it relaxes when the motor is off (dossier 5)
-        look = run_stop(hand.link, stands(hand.stop_context(), Stopped(f"{text} has ended")))
-        if look.error is DeviceRefused:  # the prompt was wrong: nothing was refused
-            raise ProtocolError(f"{hand.link.name}: {look.text}", hint=look.hint, code="moving")
-        if look.error is NoAnswer:
-            raise NoAnswer(f"{hand.link.name}: {look.text}", hint=look.hint)
+        check_standing_after(hand, answer)
         prompts.done()
         try:
             rows, arrivals = _result(hand, name, answer, strain, motors, goals, starts, all_motors=not prefix)
@@ -191,6 +188,19 @@ def move(
             f"{refusal.text}, although each motor is within MPE of its target now", hint=refusal.hint, code=refusal.code
         )
     return table
+
+
+def check_standing_after(hand: BarrettHand, answer: Answer) -> None:
+    """After the prompt of a movement: raise ProtocolError, NoAnswer if the hand still moves, or does not show that it stands still.
+
+    A hand that has ended the movement with an error may refuse to show its positions, as above OTEMP (dossier 8.43).
+    """
+    look = run_stop(hand.link, stands(hand.stop_context(), Stopped(f"{answer.command} has ended")))
+    if look.error is None or (look.error is ProtocolError and answer.status):
+        return
+    if look.error is DeviceRefused:  # the prompt was wrong: nothing was refused
+        raise ProtocolError(f"{hand.link.name}: {look.text}", hint=look.hint, code="moving")
+    raise look.error(f"{hand.link.name}: {look.text}", hint=look.hint)
 
 
 def _note_end(hand: BarrettHand, answer: Answer, rows: Sequence[Row]) -> None:
@@ -373,6 +383,8 @@ def how_it_ended(name: str, now: dict[str, int], goal: int | None, status: int, 
         return Ended(BLOCKED, explain_status(new & ~NOT_REACHED))
     if "P" not in now:
         return Ended(UNREAD, "unknown: its position could not be read")
+    if start is not None and (now["P"] - start) * TORQUE.get(name, 0) < -near:
+        return Ended(ASTRAY, "moved the wrong way")
     if (
         start is not None
         and goal is not None
@@ -418,11 +430,12 @@ def power_off(hand: BarrettHand, prefix: str) -> str:
 
 
 def find_and_power_off(hand: BarrettHand, prefix: str) -> str:
-    """The same for a hand that did not reply where it was looked for first. If it moves on, it gets the whole stop once more."""
-    text = power_off(hand, prefix)
-    if moving := look_for_motion(hand.line):
-        stopped = Stopped(f"{text}. But it moves: {', '.join(moving)}", FIND_WHO, DeviceRefused, goes_on=True)
+    """The same for a hand that did not reply where it was looked for first, and whether it stands still afterwards. If it goes on, it gets
+    the whole stop once more."""
+    look = run_stop(hand.link, stands(hand.stop_context(), Stopped(power_off(hand, prefix))))
+    if look.goes_on:
         again = run_stop(hand.link, stop_steps(hand.stop_context(), prefix), ledger=hand.journal.ledger)
-        stopped = sent_again(stopped, again)
-        raise DeviceRefused(f"{hand.link.name}: {stopped.text}", hint=stopped.hint)
-    return text
+        look = sent_again(look, again)
+    if look.error is not None:
+        raise look.error(f"{hand.link.name}: {look.text}", hint=look.hint)
+    return look.text

@@ -56,8 +56,9 @@ def heat_hint(now: int, limit: int) -> str:
             f"{now / 10:.1f} °C. The unit of OTEMP is 0.1 °C{meant_in_degrees(limit)}",
             SET_LIMIT,
         )
+    at_most = f"{limit / 10:.1f} °C" if limit else "0 (off)"
     return Hint(
-        f"let the hand cool, and free the spread with {{}}: TEMP is {now / 10:.1f} °C, OTEMP {limit / 10:.1f} °C",
+        f"let the hand cool, and free the spread with {{}}: TEMP is {now / 10:.1f} °C, OTEMP {at_most}",
         "barrett stop --motors S",
     )
 

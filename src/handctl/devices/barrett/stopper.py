@@ -16,8 +16,8 @@ from functools import partial
 from itertools import product
 from typing import NamedTuple
 
-from handctl.devices.barrett.gcl.codec import MOTORS, PROMPT, Answer, Decoder, encode, has_prompt, values
-from handctl.devices.barrett.gcl.connect_table import SAFE_ABORT, abort_at
+from handctl.devices.barrett.gcl.codec import BANNER, MOTORS, PROMPT, Answer, Decoder, encode, has_prompt, values
+from handctl.devices.barrett.gcl.connect_table import RESTARTED_TEXT, SAFE_ABORT, abort_at
 from handctl.devices.barrett.gcl.status_codes import ABORTED, explain_status
 from handctl.devices.barrett.parameter_map import SPEEDS, with_sign
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
@@ -81,7 +81,10 @@ def stop_steps(context: StopContext, prefix: str = "") -> StopSequence:
         off = yield from stop_steps(context._replace(powered=False), prefix)
         return sent_again(looked, off) if looked.goes_on else off._replace(text=f"{looked.text}. {off.text}")
     powered = turns[-1].answer is None
-    text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
+    if powered and BANNER in turns[0].seen.upper():
+        text = RESTARTED_TEXT
+    else:
+        text = f"{_ended_by(turns[0].seen)}. {look.held}" if powered else stopped.text
     at = ", ".join(f"{motor} {place}" for motor, place in zip(MOTORS, places, strict=True))
     return stopped._replace(text=f"{text}. Positions: {at}")
 

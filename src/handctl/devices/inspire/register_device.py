@@ -9,7 +9,7 @@ largest read 252 bytes); a device that stays silent to such a block is asked gro
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from types import MappingProxyType
 from typing import TypeVar
@@ -463,8 +463,20 @@ class RegisterDevice(Device):
         return self.verify(changes)
 
     def _write_run(self, run: Sequence[tuple[Element, Number]], *, last: bool) -> None:
-        """One frame. Where its acknowledgement is lost, nothing follows it before it reads back."""
-        lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
+        """One frame. Where its acknowledgement is lost, nothing follows it before it reads back.
+
+        A refusal is believed once the device does not hold the value: what its reply means is not documented (exo §2.2.4).
+        """
+        before = self.journal.counters.writes
+        try:
+            lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
+        except DeviceRefused as exc:
+            if self.journal.counters.writes > before:
+                with suppress(CheckFailed, DeviceRefused):
+                    self.verify(run)
+                    taken = f"{exc.text}, but holds what was written to {_names(run)}"
+                    raise ProtocolError(taken, hint=exc.hint, code="taken") from exc
+            raise
         if lost is not None and not last:
             self.verify(run)
 

@@ -290,7 +290,7 @@ class SerialBus(ByteBus):
         if ack.data != bytes([eb90.ACCEPTED]):
             raise DeviceRefused(
                 f"{self.where}: the device replied {hex_bytes(ack.data)} instead of 01 to the write at {address}",
-                hint="read the value before you write again: the device did not accept it. The manual does not explain any other reply",
+                hint="read the value before you write again: the manual does not explain any other reply",
             )
 
     def write_step(self, address: int, data: bytes, meaning: str) -> Step:

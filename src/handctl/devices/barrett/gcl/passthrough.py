@@ -10,7 +10,7 @@ from handctl.devices.barrett import eeprom_saves
 from handctl.devices.barrett.device import BarrettHand, check_line
 from handctl.devices.barrett.gcl.codec import COMMANDS, KINDS, Answer, encode, kind_of, split, whole
 from handctl.devices.barrett.gcl.status_codes import OVER_TEMPERATURE, explain_status
-from handctl.devices.barrett.motion import refuse_typed_harm
+from handctl.devices.barrett.motion import check_standing_after, refuse_typed_harm
 from handctl.devices.barrett.parameter_map import BARRETT
 from handctl.errors import DeviceRefused, HandctlError, NoAnswer, ProtocolError, UsageError
 from handctl.files import refuse_controls, unmarked
@@ -154,6 +154,7 @@ def ask(hand: BarrettHand, text: str, prompts: Prompts) -> Answer:
             answer = hand.line.ask(text)
             if KINDS[kind_of(text)].moves:
                 hand.line.check_ended(text)
+                check_standing_after(hand, answer)
             return answer
     hand.line.connect()
     before = hand.line.link.baud

@@ -84,8 +84,8 @@ class Controls:
                 hint = f"add {name} to --send" if name in CONTROL else f"use {' or '.join(CONTROL)}"
                 raise UsageError(f"{name} is not sent", hint=hint)
             several = [f"{key}={value}" for key, value in given.items()] if isinstance(given, Mapping) else given
-            text = several if isinstance(several, str | int | float) else ",".join(map(str, several))
-            change |= constant(str(text), name, carrying)
+            one = isinstance(several, str) or not isinstance(several, Iterable)  # numbers of numpy are no int
+            change |= constant(str(several) if one else ",".join(map(str, several)), name, carrying)
         self._apply(change)
         self.live = True
 
