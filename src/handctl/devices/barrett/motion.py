@@ -11,7 +11,16 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS, Answer, encode, motor_prefix, split
 from handctl.devices.barrett.gcl.status_codes import NOT_REACHED, OVER_TEMPERATURE, explain_status, hint_for
-from handctl.devices.barrett.parameter_map import BARRETT, NO_GAUGE, OFF, TRAVEL, gcl_name, implausible, travel_seconds
+from handctl.devices.barrett.parameter_map import (
+    BARRETT,
+    NO_GAUGE,
+    OFF,
+    TRAVEL,
+    gcl_name,
+    implausible,
+    quickest_opening,
+    travel_seconds,
+)
 from handctl.devices.barrett.status_and_parameter_views import MOTOR, NOT_HOMED, row_of, why_impossible
 from handctl.devices.barrett.stopper import CTRL_C_KEEPS_POWER, stands, stop_steps
 from handctl.errors import Aftermath, CheckFailed, DeviceRefused, Hint, NoAnswer, ProtocolError, UsageError
@@ -267,8 +276,7 @@ def refuse_harm(name: str, index: int, at: dict[str, int], goal: int | None) -> 
     """What the hand would do and should not (§5.3.4 IVEL, OT, CT; dossier §8). Raises UsageError; nothing has moved."""
     motor = MOTORS[index]
     own = "IVEL" if name == "HI" else "MOV"
-    usual = BARRETT.by_mnemonic("IVEL").default_of(index) or 0
-    limit = min(at.get("IVEL", usual), usual)
+    limit = quickest_opening(index, at.get("IVEL"))
     opens = name in ("HI", "O", "TO") or (goal is not None and "P" in at and goal < at["P"])
     if opens and at.get(own, 0) > limit:
         raise UsageError(

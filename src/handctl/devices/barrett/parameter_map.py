@@ -35,6 +35,12 @@ SPEEDS = (9600, 38400, 19200, 4800, 2400, 1200, 600)
 BAUD_CODES = {speed // 100: f"{speed} bit/s" for speed in sorted(SPEEDS)}
 
 
+def quickest_opening(index: int, ivel: int | None) -> int:
+    """The velocity, in 1/16 count per sample, above which a motor must not open: its IVEL, and never more than the factory's (§5.3.4)."""
+    usual = BARRETT.by_mnemonic("IVEL").default_of(index) or 0
+    return usual if ivel is None else min(ivel, usual)
+
+
 @fast_dataclass(frozen=True, kw_only=True, eq=False)
 class GclParam(Param):
     """A Param with its GCL mnemonic.

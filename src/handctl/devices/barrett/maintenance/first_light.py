@@ -396,7 +396,7 @@ class FirstLight:
         if self._values is None:
             self._values = _read(self.hand)
         if harmful := signs_of_harm.objections(
-            now | {key: value for key, value in self._values.items() if key[0] not in health_limits.HARMFUL}
+            now | {key: value for key, value in self._values.items() if key[0] not in health_limits.READ_BEFORE_MOVING}
         ):
             text = f"nothing is moved with this: {'; '.join(harmful[:3])}"
             return Outcome(step.proof, REFUSED, None, text, why="settings")

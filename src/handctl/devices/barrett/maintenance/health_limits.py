@@ -25,11 +25,11 @@ LEAST_VELOCITY = 40
 """Below it a motor may not overcome its friction (§8)."""
 NO_SENSOR = "power-cycle the hand. If it happens again, ask the vendor about the temperature sensor"
 COOL = Hint("let it cool, and free the spread: {}", "barrett stop --motors S")
-HARD = ("IVEL", "IHIT", "IOFF", "TSTOP", "FIP", "SAMPLE", "SGFLIP")
+HARMS_BEYOND_LIMIT = ("IVEL", "IHIT", "IOFF", "TSTOP", "FIP", "SAMPLE", "SGFLIP")
 """Parameters whose value beyond the recommended limit harms: a fail (§5.3.4)."""
-HARMFUL = (*HARD, "MOV", "HOLD")
-"""What is read again before anything moves: HARD, and what opens too fast or heats."""
-NEEDED_TO_MOVE = tuple(name for name in HARMFUL if name != "SGFLIP")
+READ_BEFORE_MOVING = (*HARMS_BEYOND_LIMIT, "MOV", "HOLD")
+"""What is read again before anything moves: HARMS_BEYOND_LIMIT, and what opens too fast or heats."""
+NEEDED_TO_MOVE = tuple(name for name in READ_BEFORE_MOVING if name != "SGFLIP")
 """Of these none may be missing: later firmware may only do without SGFLIP (§5.3.4)."""
 
 
@@ -151,7 +151,7 @@ def _setting(param: GclParam, motor: str | None, index: int, value: int) -> Find
         evidence = f"{name} = {value} is outside its range {param.range_text}, so the RAM contents may be corrupt"
         return Finding(name, FAIL, evidence, joined(back, "if it happens again, reload the firmware (§3.7)"), source)
     if objection is not None:
-        harms = param.mnemonic in HARD or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
+        harms = param.mnemonic in HARMS_BEYOND_LIMIT or (param.mnemonic == "MOV" and value > LEAST_VELOCITY)
         return Finding(name, FAIL if harms else WARNING, objection, back, source)
     return Finding(name, WARNING, advice or "", back, source)
 

@@ -59,7 +59,7 @@ def look_for_harm(hand: BarrettHand) -> At:
     """
     try:
         now, limit = heat(hand)
-        at = hand.by_name("S", "P", *health_limits.HARMFUL, dispensable=health_limits.HARMFUL)
+        at = hand.by_name("S", "P", *health_limits.READ_BEFORE_MOVING, dispensable=health_limits.READ_BEFORE_MOVING)
     except DeviceRefused as exc:
         text = f"{exc.text}. Without this reading, handctl cannot detect damage"
         raise SignOfHarm(text, hint=READ_AGAIN, code="hot" if shows_heat(exc) else "unread") from exc

@@ -9,7 +9,15 @@ from typing import NamedTuple
 from handctl.devices.barrett.device import BarrettHand
 from handctl.devices.barrett.gcl.codec import MOTORS
 from handctl.devices.barrett.maintenance.health_limits import LIMIT_TENTHS, NO_SENSOR, limit_of
-from handctl.devices.barrett.parameter_map import BARRETT, OFF, TRAVEL, gcl_name, sample_seconds, unmeasured
+from handctl.devices.barrett.parameter_map import (
+    BARRETT,
+    OFF,
+    TRAVEL,
+    gcl_name,
+    quickest_opening,
+    sample_seconds,
+    unmeasured,
+)
 from handctl.devices.barrett.realtime.blocks import CONTROL, FEEDBACK, Layout, Selection
 from handctl.devices.barrett.realtime.control_values import Controls
 from handctl.devices.barrett.realtime.guards import GUARDS, Limits, check_opening
@@ -164,7 +172,7 @@ def _limits(now: Flags, index: int) -> Limits:
         stall=now["TSTOP", index] / 1000,
         window=(0, min(now["CT", index], TRAVEL[index == 3])),
         strain=(now["LSG", index], now["HSG", index]),
-        opening=min(now["IVEL", index], BARRETT.by_mnemonic("IVEL").default_of(index) or 0),
+        opening=quickest_opening(index, now["IVEL", index]),
         quantum=1 if now["LFAP", index] else divisor,
     )
 
