@@ -140,7 +140,7 @@ def _identifier(words: str) -> str:
 def _arguments(command: Command) -> Iterator[Argument]:
     for param in command.params:
         key = param.name or ""
-        name = key if isinstance(param, click.Argument) else max(param.opts, key=len).lstrip("-")
+        name = key if isinstance(param, click.Argument) else next(name for name in param.opts if name[:2] == "--")[2:]
         yield Argument(_identifier(name), key, param, "=VALUE" in (getattr(param, "metavar", None) or ""))
 
 
@@ -275,11 +275,14 @@ class Device:
 
         def call(*args: Any, confirm: Confirm = False, dry_run: bool = False, **named: Any) -> Any:
             key = (name, args) if not (named or confirm or dry_run) else None
+            output = named.pop("output", None) if method.command.to_file else None
             try:
                 if key is not None and (again := line.again(key)) is not None:
                     return Rows(again)
                 values = method.values(args, named)
-                found = line.call(method.command, method.words, values, confirm=confirm, dry_run=dry_run, key=key)
+                found = line.call(
+                    method.command, method.words, values, confirm=confirm, dry_run=dry_run, output=output, key=key
+                )
             except HandctlError as exc:
                 raise error_in_python(exc, self.kind) from None
             if isinstance(found, list):

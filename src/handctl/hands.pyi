@@ -127,6 +127,7 @@ class Exo(Device):
         to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
         segment: int | None = None,
         rate: Number | None = None,
+        output: Path,
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
@@ -291,6 +292,7 @@ class Wrist(Device):
         to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
         segment: int | None = None,
         rate: Number | None = None,
+        output: Path,
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
@@ -431,6 +433,7 @@ class Barrett(Device):
         to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
         segment: int | None = None,
         rate: Number | None = None,
+        output: Path,
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:
@@ -814,11 +817,12 @@ class Ekso(Device):
         self,
         log: Path,
         *,
-        format: Literal["mot", "csv", "parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
+        to: Literal["mot", "csv", "parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
         si: bool = False,
         segment: int | None = None,
         knee_sign: Literal["1", "-1"] | None = None,
         rate: Number | None = None,
+        output: Path,
     ) -> Rows:
         """Turn a log into a file for OpenSim, pandas, BIDS and other tools. Needs no device."""
     def time(self, *, length_mode: str | None = None) -> Rows:
@@ -948,6 +952,7 @@ class Aidin(Device):
         to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
         segment: int | None = None,
         rate: Number | None = None,
+        output: Path,
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def report(self, file: Path, *, watch: Number = 3.0, include_ids: bool = False, force: bool = False) -> Rows:
@@ -1075,6 +1080,7 @@ class Hand(Device):
         to: Literal["parquet", "bids", "c3d", "mcap", "xdf"] | None = None,
         segment: int | None = None,
         rate: Number | None = None,
+        output: Path,
     ) -> Rows:
         """Turn a log into a file for pandas, BIDS, motion capture and other tools."""
     def snapshot(self, file: Path) -> Rows:

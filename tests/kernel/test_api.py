@@ -251,3 +251,22 @@ def test_the_signature_of_connect_is_documented() -> None:
 
     for function in (api.connect, api.simulate):
         assert inspect.getdoc(function)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_a_log_is_exported_to_the_file_that_is_named(family: str, tmp_path: Path) -> None:
+    log, out = tmp_path / "log.csv", tmp_path / "out.parquet"
+    with handctl.simulate(family) as device:
+        device.log(str(log), count=5)
+        (row,) = device.export(str(log), to="parquet", output=out)
+        assert row["rows"] == 5 and out.read_bytes()[:4] == b"PAR1"
+        with pytest.raises(UsageError, match="makes a file"):
+            device.export(str(log), to="parquet")
+
+
+def test_a_log_is_exported_as_the_text_that_the_command_writes(tmp_path: Path) -> None:
+    log, out = tmp_path / "log.csv", tmp_path / "out.csv"
+    with handctl.simulate("ekso") as device:
+        device.log(str(log), count=5)
+        assert device.export(str(log), to="csv", output=str(out)) == []
+    assert out.read_bytes() == log.read_bytes()

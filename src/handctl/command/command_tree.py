@@ -44,7 +44,7 @@ HEADINGS = ("Inspect", "Move", "Settings", "Service", "Files")
 """What a technician wants to do: the commands of a family are listed below these, in this order."""
 USUAL = ("status", "dump", "get", "watch", "describe", "stop", "set", "report", "doctor", "snapshot", "diff", "restore")
 """What every device has stands first below its heading, in this order."""
-TRAITS = ("heading", "writes", "streams", "stops", "offline", "offline_when", "asks", "family")
+TRAITS = ("heading", "writes", "streams", "stops", "offline", "offline_when", "asks", "family", "to_file")
 ALONE = ("sim", "completion", "batch", "shell", "service")
 """Commands that are no line of a batch."""
 
@@ -233,11 +233,13 @@ class Command(Described):
     offline  it never opens a link
     offline_when  (its parameters) -> whether it opens none with these
     asks     it asks first, always or in these words, behind a ";" those of when it does not
+    to_file  what it makes is a file, which -o names
     """
 
     streams = False
     stops = False
     asks: bool | str = False
+    to_file = False
     offline_when: Callable[[Mapping[str, Any]], bool] | None = None
 
     def __init__(self, *args: Any, **more: Any) -> None:

@@ -310,7 +310,7 @@ def add_map_verbs(
         ("describe", "Inspect", describe, {"offline": True}),
         ("watch", "Inspect", watch, {"streams": True}),
         ("log", "Files", log, {}),
-        ("export", "Files", export, {"offline": True}),
+        ("export", "Files", export, {"offline": True, "to_file": True}),
         ("snapshot", "Files", snapshot, {}),
         ("diff", "Files", diff, {"offline_when": lambda typed: typed.get("b") is not None}),
         ("restore", "Files", restore, {"writes": True, "asks": True}),

@@ -23,6 +23,7 @@ from handctl.command.options import COMMAND_LINE, command_line
 from handctl.command.run import Run, plan_table
 from handctl.command.settings_and_checks import told
 from handctl.errors import STOPPED, HandctlError, Interrupted, UsageError
+from handctl.files import atomic_write, writing
 from handctl.model.prompts import Prompts
 from handctl.model.result import Journal, Row
 from handctl.model.stop_on_interrupt import NOT_STOPPED, ended_by_interrupt
@@ -333,11 +334,12 @@ class LibrarySession:
         *,
         confirm: Confirm,
         dry_run: bool,
+        output: Any = None,
         key: Hashable = None,
     ) -> list[Row] | Iterator[list[Row]]:
         """Carry out the command that is typed as `words` with these values, by click's names. Raises HandctlError.
 
-        A reading with a `key` that goes well is bound to that.
+        `output` is the file that it makes. A reading with a `key` that goes well is bound to that.
         """
         if command.stops and not dry_run and (sent := self._stop_running()) is not None:
             return sent
@@ -353,12 +355,21 @@ class LibrarySession:
                 self.check_open()
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
+            if command.to_file:
+                if output is None:
+                    raise UsageError(
+                        f"{words}() makes a file", hint="name it: output=FILE. Nothing was written.", code="no-output"
+                    )
+                settings = settings._replace(output=os.fspath(output), format="table")
             if self._closed:
                 settings = settings._replace(trace=None)  # the file is complete
             call = self._call(command, words, values, settings, confirm)
             call.body = command.body(call)
             with nullcontext() if command.stops else self._within(call):
                 outcome = call.carry_out(call.body)
+            if settings.output is not None and outcome.table is not None and outcome.table.spool is not None:
+                with writing(settings.output), atomic_write(settings.output) as file:
+                    file.writelines(outcome.table.spool())
             if outcome.streams and outcome.failure is None:
                 return Samples(self, partial(self._taken, call))
             call.end_device()

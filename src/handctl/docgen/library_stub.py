@@ -87,6 +87,8 @@ def _method(method: Method) -> list[str]:
     if not any(word.startswith("*") for word in words):
         words.append("*")
     words += [f"{argument.name}: {_type(argument)}{_default(argument)}" for argument in behind]
+    if command.to_file:
+        words.append("output: Path")
     if command.writes:
         words += ["confirm: Confirm = False", "dry_run: bool = False"]
     if any(argument.pairs and argument.variadic and argument.name != "assignments" for argument in before):

@@ -98,7 +98,7 @@ def log(run: Run, file: str, raw: bool, include_pilot_id: bool, **wishes: Any) -
     return log_command.log(run, file, log_command.RequestedOptions(**wishes), EKSO, source, reading)
 
 
-@cli.verb("export", "Files", offline=True)
+@cli.verb("export", "Files", offline=True, to_file=True)
 @LOG
 @click.option(
     "--to",
