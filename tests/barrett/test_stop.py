@@ -96,6 +96,12 @@ def test_a_hand_that_says_nothing_is_told_at_every_speed() -> None:
     assert not [row for row in result.json["writes"] if row["state"] == "confirmed"]
 
 
+def test_prompts_that_are_late_are_no_reading() -> None:
+    """Those of nine ^C come behind the echo of the query, ahead of its values."""
+    result = run("barrett", "stop", "--json", "-p", "fake://barrett?clock=virtual&fault=late")
+    assert result.code == 0 and "Positions: F1 1021" in text(result), result
+
+
 @each_row("seconds", [place / 10 for place in range(12)])
 def test_a_hand_that_is_saving_is_asked_until_it_has_saved(seconds: float) -> None:
     """It is deaf for 2.6 s, and its prompt at the end is no reply to T."""

@@ -58,6 +58,7 @@ def test_when_an_axis_has_ended(values: tuple[AxisReading | int | None, ...], en
         (GOAL._replace(speed=0), STILL, (50, 60), [False, False], "moving"),
         (GOAL._replace(patience=0.5), STILL, (50, 50, 50, 50, 50, 50), [False] * 5 + [True], "unmoved"),
         (GOAL._replace(jitter=2), STILL, (101, 99, 101), [False, False, True], "reached"),
+        (GOAL, STILL._replace(samples=9, seconds=0.15), (97, 97, 97), [False, False, True], "reached"),  # a slow line
         (GOAL, STILL._replace(dead=0.15), (100, 100, 100), [False, False, True], "reached"),
         (GOAL, STILL._replace(least=0.35), (97, 97, 97, 97, 97), [False] * 4 + [True], "reached"),
         (GOAL, STILL._replace(grace=0.35), (50, 50, 50, 50, 50), [False] * 4 + [True], "unmoved"),

@@ -249,7 +249,9 @@ class Watch:
         reported = axis.near or explained or seen.contact or goal.speed == 0 or (seen.moves is False and axis.moved)
         if not reported:
             need = max(need, self.still.short)
-        return axis.equal >= self.still.samples and self.now - axis.since >= need
+        stood = self.now - axis.since
+        slow = axis.equal > 1 and stood >= self.still.seconds  # a slow line brings fewer readings in that time
+        return (slow or axis.equal >= self.still.samples) and stood >= need
 
     @staticmethod
     def _stopped_by_fault(axis: _Axis) -> bool:

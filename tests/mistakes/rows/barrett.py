@@ -887,6 +887,15 @@ ROWS = (
         "tests/barrett/test_diagnose.py::test_the_forecast_of_heat_names_both_temperatures_in_degrees",
     ),
     mistake(
+        "stop-a-late-prompt-is-a-reading",
+        "false alarm",
+        "handctl.devices.barrett.stopper",
+        "_read",
+        "while (answer := _answer(command, (), [data])) is not None and not (answer.lines or answer.status):",
+        "while (answer := _answer(command, (), [data])) is not None and False:",
+        "tests/barrett/test_stop.py::test_prompts_that_are_late_are_no_reading",
+    ),
+    mistake(
         "stop-a-deaf-hand-is-given-up-during-a-save",
         "stop sent once",
         "handctl.devices.barrett.stopper",

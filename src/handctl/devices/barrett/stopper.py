@@ -46,6 +46,7 @@ CTRL_C_KEEPS_POWER = True
 """Ctrl-C in a movement sends ^C and no T: the motors that HOLD keeps powered hold what the hand has gripped (barrett §5.5)."""
 NOISE = 5
 """Counts between two readings at rest. The slowest velocity, 1/16 count per sample, goes 70 in the time between them."""
+A_PROMPT = re.compile(rb"[\r\n]*=> ?")
 OFF = "switch the power supply off if the hand is still moving"
 
 
@@ -118,10 +119,10 @@ class _Look:
         for speed, names in product(self._speeds, self._names):
             command = f"FGET {names}"
             step = Step("read the positions", encode(command))
-            enough = partial(_answer, command, ())
+            enough = partial(_read, command)
             came = yield StopStep(step, self._slow, enough, reads=True, baud=speed, size=64)
             self._came += b"".join(came)
-            answer = _answer(command, (), came)
+            answer = _read(command, came)
             with suppress(ProtocolError):
                 if answer is not None and not answer.status:
                     places, *more = values(answer, len(names.split()), len(MOTORS))
@@ -261,3 +262,11 @@ def _answer(command: str, before: tuple[bytes, ...], pieces: Pieces) -> Answer |
     decoder = Decoder(command)
     decoder.feed(b"".join([*before, *pieces]))
     return decoder.next()
+
+
+def _read(command: str, pieces: Pieces) -> Answer | None:
+    """The answer to a query: a prompt right behind its echo is a late one, of a ^C before it."""
+    data = b"".join(pieces)
+    while (answer := _answer(command, (), [data])) is not None and not (answer.lines or answer.status):
+        data = A_PROMPT.sub(b"", data, count=1)
+    return answer
