@@ -221,10 +221,10 @@ ROWS = (
     mistake(
         "barrett-own-stop-goes-out-once",
         "stop sent once",
-        "handctl.devices.barrett.cli",
-        "stop",
-        'lambda context: stop_sequence_of("barrett", context, steps),',
-        "steps,",
+        "handctl.devices.barrett.stopper",
+        "power_off",
+        "return once_more(partial(stop_steps, prefix=prefix), context)",
+        "return stop_steps(context, prefix)",
         MOVES_ON + "the_whole_stop_goes_out_once_more",
     ),
     mistake(
@@ -973,8 +973,8 @@ ROWS = (
         "swallowed error",
         "handctl.api",
         "Stream.close",
-        "if (failure := self._failure()) is not None:",
-        "if (failure := self._failure()) is not None and failure.exit_code == 1:",
+        "if isinstance(self._samples, Samples) and self._samples.close() and (failure := self._failure()) is not None:",
+        "if isinstance(self._samples, Samples) and self._samples.close() and (failure := self._failure()) and failure.exit_code == 1:",
         "tests/barrett/test_step.py::test_a_stop_that_failed_is_raised_at_its_end",
     ),
     mistake(

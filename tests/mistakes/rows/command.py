@@ -228,7 +228,7 @@ ROWS = (
         "safety check missing",
         "handctl.command.library_call",
         "LibrarySession.call",
-        "elif not command.offline:",
+        "if not (command.stops or command.offline):",
         "if True:",
         "tests/contract/test_library_again.py::test_no_call_but_a_stop_opens_a_closed_link_again",
     ),
