@@ -9,6 +9,7 @@ import sys
 import textwrap
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from datetime import datetime
 from math import isfinite
@@ -125,6 +126,21 @@ def _number(text: str) -> float:
     if isfinite(number := float(text)):
         return number
     raise ValueError(text)
+
+
+def _numbers(texts: set[str]) -> tuple[dict[str, float], list[str]]:
+    """The numbers among these texts, and the texts that are none."""
+    with suppress(ValueError):  # most often all of them are, which one look tells
+        numbers = dict(zip(texts, map(float, texts), strict=True))
+        if isfinite(sum(numbers.values())):
+            return numbers, []
+    numbers, others = {}, []
+    for text in texts:
+        try:
+            numbers[text] = _number(text)
+        except ValueError:
+            others.append(text)
+    return numbers, others
 
 
 class _Reading:
@@ -249,16 +265,11 @@ class _Reading:
         if track is None:
             return
         curve, factor = track
-        numbers: dict[str, float] = {}
-        others = []
-        for text in set(column):
-            try:
-                numbers[text] = _number(text) * factor
-            except ValueError:
-                others.append(text)
+        numbers, others = _numbers(set(column))
         if numbers:
             values = numbers.values()
-            curve.add(t, min(values), max(values), next(numbers[text] for text in reversed(column) if text in numbers))
+            last = next(numbers[text] for text in reversed(column) if text in numbers)
+            curve.add(t, min(values) * factor, max(values) * factor, last * factor)
         if others:
             self._words[key] += sum(map(column.count, filter(None, others)))
             curve.failed += 1
