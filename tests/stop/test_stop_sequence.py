@@ -4,12 +4,25 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from handctl.errors import DeviceRefused, NoAnswer, ProtocolError
 from handctl.link import Deadline
 from handctl.model.command_settings import Settings
 from handctl.model.param import Step
 from handctl.model.stop_repetition import attempts, single_write_stop
-from handctl.model.stop_sequence import Sent, StopContext, exchange_steps, stop_sequence_of, writes_without_replies
+from handctl.model.stop_sequence import (
+    TOO_LATE,
+    Sent,
+    StopContext,
+    Stopped,
+    StopSequence,
+    StopStep,
+    TooLate,
+    exchange_steps,
+    stop_sequence_of,
+    writes_without_replies,
+)
 from tests.support.cli import run
 from tests.support.each_row import each_row
 from tests.support.scripted import Reply, ScriptedLink
@@ -178,3 +191,20 @@ def test_a_line_full_of_noise_does_not_hold_a_stop_up() -> None:
     link = Flood()
     assert exchange_steps(link, stop_sequence_of("exo", StopContext(Settings())), []).error is ProtocolError
     assert RELEASE in link.sent
+
+
+def test_of_several_devices_a_deadline_leaves_what_was_seen_of_the_first(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And says at which one it passed."""
+
+    def steps(context: StopContext) -> StopSequence:
+        if context.number > 1:
+            yield StopStep(Step("", b""), 0.0, bool)
+        return Stopped("stands")
+
+    monkeypatch.setattr("handctl.devices.inspire.exo.stopper.stop_steps", steps)
+    sequence = stop_sequence_of("exo", StopContext(Settings(), going=(("exo", 1), ("exo", 2), ("exo", 3))))
+    next(sequence)
+    with pytest.raises(StopIteration) as ended:
+        sequence.throw(TooLate())
+    found = ended.value.value
+    assert (found.error, found.text) == (NoAnswer, f"exo id 1: stands. Exo id 2: {TOO_LATE}"), found

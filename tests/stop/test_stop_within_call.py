@@ -66,3 +66,18 @@ def test_a_stop_does_not_wait_for_an_answer_in_another_thread(
         thread.join(PATIENCE)
         assert isinstance(ended[0], Interrupted) and ended[0].code == STOPPED, ended
         assert device.status()
+
+
+@each_row("bound", [False, True])
+def test_a_call_waits_for_the_stop_beside_it(bound: bool) -> None:
+    """Else the replies of the two mix, and the device seems to go on."""
+    with handctl.simulate("exo") as device:
+        if bound:
+            device.get("id")
+        ended = threading.Event()
+        with device._line._stops:  # as long as a stop is on its way
+            thread = threading.Thread(target=lambda: (device.get("id"), ended.set()))
+            thread.start()
+            assert not ended.wait(0.05)
+        thread.join(PATIENCE)
+        assert ended.is_set()

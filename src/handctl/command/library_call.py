@@ -318,10 +318,12 @@ class LibrarySession:
         with self._turn:
             if self._running is not None:
                 return None
+            self.check_open()
             self.last = call
             call.again()
             try:
-                return call.finished(call.body)
+                with self._within(call):
+                    return call.finished(call.body)
             except (KeyboardInterrupt, HandctlError) as exc:
                 self._interrupted(exc)
                 raise
@@ -419,7 +421,12 @@ class LibrarySession:
         return ctx
 
     def check_open(self) -> None:
-        """Raise UsageError where the caller has closed the link: nobody would close it a second time."""
+        """Raise UsageError where the caller has closed the link: nobody would close it a second time.
+
+        Within a turn. A stop that met a question goes out beside it, and is waited for.
+        """
+        with self._stops:
+            pass
         if self._closed:
             raise UsageError(
                 f"{self.settings.port}: the connection is closed",

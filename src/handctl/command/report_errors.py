@@ -61,7 +61,7 @@ def report_and_exit_code(ended: BaseException, args: Sequence[str]) -> int:
         from handctl.command.suggestions import bare_link
 
         error = from_click(exc)
-        if link := bare_link(args):
+        if (link := bare_link(args)) and link in error.text:
             error.hint = f"write `-p {link}`"
         if exc.ctx is not None:
             streams = getattr(exc.ctx.command, "streams", False)

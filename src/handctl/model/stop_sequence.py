@@ -133,6 +133,7 @@ class TooLate(Exception):
 
 
 TOO_LATE = "the deadline passed before handctl could confirm that the device has stopped"
+OUT_OF_TIME = Stopped(TOO_LATE, "switch the power off if the device is still moving", NoAnswer)
 QUIET = Step("listen", b"")
 """Nothing is sent."""
 
@@ -177,7 +178,7 @@ def stop_sequence_of(kind: str, context: StopContext) -> StopSequence:
 
 
 def once_more(steps: Callable[[StopContext], StopSequence], context: StopContext) -> StopSequence:
-    """The stop of a family, and the same once more where the device goes on: then its motors do not keep their power either."""
+    """The stop of a family, and the same once more where the device goes on: then nothing is left `powered`."""
     stopped = yield from steps(context)
     if not stopped.goes_on:
         return stopped
@@ -192,7 +193,7 @@ def sent_again(stopped: Stopped, again: Stopped) -> Stopped:
     """The result of a stop behind which the device went on, and of the second one. It stays an error: who knows what it does next."""
     if again.goes_on:
         return again._replace(text=f"{AGAIN}: {again.text}")
-    # one that leaves a doubt tells itself what was seen
+    # a result with a hint already says what was seen
     stands = ", and now it stands still" if again.error is None and not again.hint else ""
     return stopped._replace(text=joined(stopped.text, f"{AGAIN}{stands}: {again.text}"), goes_on=False)
 
@@ -201,8 +202,13 @@ def _one_by_one(own: Addressee, context: StopContext) -> StopSequence:
     """The stop of each device that is `going`."""
     ended = []
     for device in context.going:
-        stopped = yield from stop_sequence_of(device[0], context.of(own, device))
+        try:
+            stopped = yield from stop_sequence_of(device[0], context.of(own, device))
+        except TooLate:
+            stopped = OUT_OF_TIME
         ended.append(stopped._replace(text=f"{device[0]} id {device[1]}: {stopped.text}"))
+        if stopped is OUT_OF_TIME:
+            break
     return joined_stops(ended)
 
 
@@ -416,14 +422,15 @@ class StopExchange:
     def _cut_off(self) -> Stopped:
         """The result of a sequence that is not finished."""
         try:
-            self._sequence.throw(TooLate())
+            while True:  # of several devices each in turn
+                self._sequence.throw(TooLate())
         except StopIteration as end:
             stopped: Stopped = end.value
             return stopped
         except TooLate:
             pass
         self._sequence.close()
-        return Stopped(TOO_LATE, "switch the power off if the device is still moving", NoAnswer)
+        return OUT_OF_TIME
 
     def _exchanged(self, action: StopStep) -> Pieces:
         """What came. Past `until` nothing more goes out that is not the first write, and the result says so."""

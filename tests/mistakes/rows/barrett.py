@@ -891,8 +891,8 @@ ROWS = (
         "false alarm",
         "handctl.devices.barrett.stopper",
         "_read",
-        "while (answer := _answer(command, (), [data])) is not None and not (answer.lines or answer.status):",
-        "while (answer := _answer(command, (), [data])) is not None and False:",
+        "while (answer := decoder.next()) is not None and not (answer.lines or answer.status):",
+        "while (answer := decoder.next()) is not None and False:",
         "tests/barrett/test_stop.py::test_prompts_that_are_late_are_no_reading",
     ),
     mistake(

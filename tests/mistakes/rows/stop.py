@@ -26,6 +26,15 @@ ONE_MOTOR = "tests/stop/test_once_more.py::test_each_way_sends_the_whole_stop_on
 
 ROWS = (
     mistake(
+        "library-a-call-goes-out-beside-a-stop",
+        "two stops collide on one line",
+        "handctl.command.library_call",
+        "LibrarySession.check_open",
+        "with self._stops:",
+        "if True:",
+        "tests/stop/test_stop_within_call.py::test_a_call_waits_for_the_stop_beside_it",
+    ),
+    mistake(
         "stop-by-itself-gives-a-lost-port-up",
         "stop sent once",
         "handctl.stop.stop_command",

@@ -46,7 +46,6 @@ CTRL_C_KEEPS_POWER = True
 """Ctrl-C in a movement sends ^C and no T: the motors that HOLD keeps powered hold what the hand has gripped (barrett §5.5)."""
 NOISE = 5
 """Counts between two readings at rest. The slowest velocity, 1/16 count per sample, goes 70 in the time between them."""
-A_PROMPT = re.compile(rb"[\r\n]*=> ?")
 OFF = "switch the power supply off if the hand is still moving"
 
 
@@ -266,7 +265,8 @@ def _answer(command: str, before: tuple[bytes, ...], pieces: Pieces) -> Answer |
 
 def _read(command: str, pieces: Pieces) -> Answer | None:
     """The answer to a query: a prompt right behind its echo is a late one, of a ^C before it."""
-    data = b"".join(pieces)
-    while (answer := _answer(command, (), [data])) is not None and not (answer.lines or answer.status):
-        data = A_PROMPT.sub(b"", data, count=1)
+    decoder = Decoder(command)
+    decoder.feed(b"".join(pieces))
+    while (answer := decoder.next()) is not None and not (answer.lines or answer.status):
+        decoder.drop_prompt()
     return answer

@@ -562,9 +562,11 @@ def compared(before: Walk, after: Walk) -> list[Difference]:
 
 def _interval(one: Figure, two: Figure) -> float | None:
     """Half the 95 % interval of their difference, by Student's t: of few strides the deviation itself is uncertain."""
-    if (free := min(one.free, two.free)) <= 0:
+    if (free := min(one.free, two.free)) < 1:
         return None
-    student = 1.96 + 2.37 / free + 2.82 / free**2 + 2.56 / free**3  # Cornish-Fisher; 3 % low at two degrees
+    student = (
+        12.71 if free < 2 else 1.96 + 2.37 / free + 2.82 / free**2 + 2.56 / free**3
+    )  # Cornish-Fisher; 3 % low at 2
     return student * sqrt(one.error**2 + two.error**2) + max(one.fine, two.fine)
 
 

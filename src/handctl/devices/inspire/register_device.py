@@ -471,12 +471,15 @@ class RegisterDevice(Device):
         try:
             lost = self.bus.try_write(*encoded(run), f"the write of {_names(run)}", "handctl reads it back")
         except DeviceRefused as exc:
+            held = False
             if self.journal.counters.writes > before:
-                with suppress(CheckFailed, DeviceRefused):
-                    self.verify(run)
-                    taken = f"{exc.text}, but holds what was written to {_names(run)}"
-                    raise ProtocolError(taken, hint=exc.hint, code="taken") from exc
-            raise
+                with suppress(HandctlError):
+                    held = bool(self.verify(run))
+            if not held:
+                raise
+            text = f"{exc.text}. But {_names(run)} reads what was written, now or already before"
+            hint = Hint("look with {}: the reply and the value contradict each other", f"{self.kind} status")
+            raise ProtocolError(text, hint=hint, code="taken") from exc
         if lost is not None and not last:
             self.verify(run)
 
