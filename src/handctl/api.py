@@ -366,12 +366,13 @@ __all__ = ["Device", "HandctlError", "Rows", "Stream", "connect", "simulate"]
 
 # -- messages in the words of a program: methods for commands, arguments for options ----------------------------------
 
-OPTION = re.compile(r"(?<![\w-])(--[a-z]+(?:-[a-z]+)*|-[pdny]\b)(?:=(?=\w))?")
+OPTION = re.compile(r"(?<![\w-])(--[a-z]+(?:-[a-z]+)*|-[pdnyo]\b)(?:=(?=\w))?")
 MEANS = {
     "-p": "link",
     "-d": "a named device",
     "-n": "dry_run",
     "-y": "confirm",
+    "-o": "output",
     "--yes": "confirm=True",
     "--fake": "simulate()",
 }

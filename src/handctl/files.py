@@ -249,8 +249,8 @@ def has_content(descriptor: int) -> bool:
     return stat.S_ISREG(found.st_mode) and found.st_size > 0
 
 
-def held(descriptor: int) -> bool:
-    """Keep a file that grows for this program until it is closed; False where another one has it, whose lines ours would fall between."""
+def try_lock(descriptor: int) -> bool:
+    """Lock a file that grows until it is closed. False if another program has locked it: lines of both would mix."""
     from handctl.system import file_locks
 
     if stat.S_ISREG(os.fstat(descriptor).st_mode):

@@ -182,7 +182,8 @@ def from_click(exc: click.UsageError) -> UsageError:
     if isinstance(exc, click.NoSuchOption) and (own := _of_other_commands(exc)):
         text, hint = f"No such option {exc.option_name!r}", own
     elif isinstance(exc, click.NoSuchOption):  # in the same words with each release of click
-        near = " or ".join(repr(name) for name in sorted(exc.possibilities or ()))
+        *others, last = [repr(name) for name in sorted(exc.possibilities or ())] or [""]
+        near = " or ".join(filter(None, (", ".join(others), last)))
         text = f"No such option {exc.option_name!r}."
         if near:
             text += f" Did you mean {near}?"

@@ -358,7 +358,7 @@ class LibrarySession:
             self._check_free()
             settings = self.settings._replace(yes=confirm is True, dry_run=dry_run)
             if command.to_file:
-                if output is None:
+                if output in (None, "", "-"):
                     raise UsageError(
                         f"{words}() makes a file", hint="name it: output=FILE. Nothing was written.", code="no-output"
                     )

@@ -11,7 +11,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from handctl import __version__
 from handctl.command import export_command
@@ -99,9 +99,8 @@ def log(
         if wishes != RequestedOptions(None, None, 0.0, "", None, False, wishes.silence, False, check=True):
             raise UsageError("--check records nothing, so it takes no other option of log", hint="leave them out")
         return export_command.check(run, reading(file) if reading is not None else LogFile(file, run.family.kind))
-    named, path, trial = place_of(run, file, wishes)
-    ours = run.settings.append or named != file
-    force = bool(wishes.force) and not ours
+    place = place_of(run, file, wishes)
+    path, trial = place.path, place.trial
     bounds = bounds_of(run, params, wishes.limits, wishes.until)
     source = source_of(lambda: _reopen(run))
     before = dict(source.settings())
@@ -133,12 +132,12 @@ def log(
                 by.append(f"Rows and marks are sent on LSL as {streams.name!r}")
             while True:
                 try:
-                    recording = Recording(path, link, source, about, rate=wishes.rate, force=force)
+                    recording = Recording(path, link, source, about, rate=wishes.rate, force=place.force)
                     break
                 except UsageError as exc:
                     taken = path
-                    if ours and exc.code == "file-exists":
-                        path, number = next_trial(named)  # another program has begun this one meanwhile
+                    if place.ours and exc.code == "file-exists":
+                        path, number = next_trial(place.named)  # another program has begun this one meanwhile
                     if path == taken:
                         raise
                     if trial is not None:
@@ -160,11 +159,22 @@ def log(
     return Table(rows=[row], columns=columns, plain=("rows", "rate"), failure=failure)
 
 
-def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, int | None]:
-    """The name that was given, the file that is going to be made, and the number of its trial. Raises UsageError for what `log` cannot do.
+class Place(NamedTuple):
+    """Where a recording goes: the name that was given, the file that is going to be made, the number of its trial.
 
-    Of a trial, and of a file in a folder, the name is ours to choose: there is always another one.
+    ours   the name is ours to choose, as that of a trial and of a file in a folder: there is always another one
+    force  it replaces what is there
     """
+
+    named: str
+    path: str
+    trial: int | None
+    ours: bool
+    force: bool
+
+
+def place_of(run: Run, file: str, wishes: RequestedOptions) -> Place:
+    """The place of a recording. Raises UsageError for what `log` cannot do."""
     if wishes.lsl:
         from handctl.record import lsl
 
@@ -172,8 +182,9 @@ def place_of(run: Run, file: str, wishes: RequestedOptions) -> tuple[str, str, i
     named = file_name(file, run.family.kind)
     ours = run.settings.append or named != file
     path, trial = next_trial(named) if ours else (named, None)
-    refuse_existing(path, bool(wishes.force) and not ours, final=wishes.force is None)
-    return named, path, trial if run.settings.append else None
+    force = bool(wishes.force) and not ours
+    refuse_existing(path, force, final=wishes.force is None)
+    return Place(named, path, trial if run.settings.append else None, ours, force)
 
 
 def of_map(run: Run, names: Sequence[str], again: Callable[[], bool], *, every: bool = False) -> Source:
@@ -286,7 +297,7 @@ def _tell(run: Run, recording: Recording) -> None:
     if moved := recording.clock_set_s:
         run.journal.warn(
             "clock-set",
-            f"during the log, this computer's clock was set by {moved:+.3f} s, or the computer slept. The times in the log continue those at its start",
+            f"during the log, this computer's clock was set by {moved:+.3f} s, or the computer slept. All times in the log follow the clock as it was at the start",
         )
     if recording.skipped:
         run.journal.info(

@@ -584,7 +584,7 @@ def _from_environment(ctx: click.Context, option: SharedOption, text: str) -> An
 
 
 class NamedFile(NamedTuple):
-    """A file of this run: its name for the user, its path, whether it is only appended to, whether it is a recording of this run."""
+    """A file of this run: its name for the user, its path, whether it is only appended to, whether it has a sidecar."""
 
     label: str
     path: str
@@ -616,7 +616,7 @@ def files_of(ctx: click.Context) -> tuple[list[NamedFile], list[NamedFile]]:
 def refuse_clashes(inputs: list[NamedFile], outputs: list[NamedFile]) -> None:
     """Raise UsageError when an output is an input or another output, under whatever name, a file that handctl keeps, or a recording.
 
-    Called before any of them is opened: an input is never lost, and no walk is walked twice in the same way.
+    Called before any of them is opened: so an input is never lost, and a recording that cannot be repeated is not overwritten.
     """
     kept = str(state_path(""))
     for position, output in enumerate(outputs):

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, Protocol, TypeVar
 
 from handctl import interrupts
 from handctl.errors import HandctlError, LinkError, OutputError, UsageError
-from handctl.files import SPELLED, at_once, has_content, held, writing
+from handctl.files import SPELLED, at_once, has_content, try_lock, writing
 from handctl.interrupts import handing_over
 from handctl.link.link_interface import CanFrame, Deadline, FrameLink, Link
 
@@ -278,7 +278,7 @@ class TraceFile(TraceWriter):
                     path, "w", encoding="utf-8", errors=SPELLED, newline="\n", buffering=1,
                     opener=lambda path, flags: at_once(path, flags & ~os.O_TRUNC),
                 )  # fmt: skip
-            if not held(self._file.fileno()):
+            if not try_lock(self._file.fileno()):
                 self._file.close()
                 raise self._failed(BlockingIOError(0, "another handctl is writing it"), "Nothing was sent.")
             self._waits = interrupts.watch(self._file, result=False)

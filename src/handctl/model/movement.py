@@ -272,11 +272,6 @@ class Watch:
         """The axes that are not at their targets. A family may read more about them to give the reason."""
         return [name for name, axis in self._axes.items() if not axis.near]
 
-    @property
-    def moved(self) -> frozenset[str]:
-        """The axes that were seen to move."""
-        return frozenset(name for name, axis in self._axes.items() if axis.moved)
-
     def arrivals(self, deeper: Mapping[str, AxisReading] | None = None) -> list[Arrival]:
         """What became of each axis; `deeper` is what was read of them once more, when it was over.
 
@@ -297,10 +292,8 @@ class Watch:
         if goal.speed == 0 and not axis.moved:
             return Arrival(goal, value, NO_SPEED)
         before = self._before.get(goal.name, AxisReading(None))
-        if deeper is not None and not near:
-            contact = contact or deeper.contact
-            if axis.moved:  # else it has met nothing on its way, whatever it draws now
-                contact = contact or self._pushes(before, deeper)
+        if deeper is not None and not near and axis.moved:  # else it has met nothing on its way, whatever it draws now
+            contact = contact or self._pushes(before, deeper)
         known = before.value is not None and goal.target is not None and goal.direct and not near
         astray = known and is_astray(before.value, goal.target, value, goal.near)  # type: ignore[arg-type]
         if not self._rests(axis, explained=bool(blocked or contact or astray)):

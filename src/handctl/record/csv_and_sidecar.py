@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from handctl.errors import HandctlError, OutputError, UsageError
-from handctl.files import atomic_write, has_content, held, opened, writing
+from handctl.files import atomic_write, has_content, opened, try_lock, writing
 from handctl.model.device_clock import WITHIN_MS
 from handctl.record.csv_columns import Stamp, clean
 from handctl.record.marks import MOST, Heard
@@ -367,7 +367,7 @@ def open_new(path: str, force: bool) -> int:
             file = os.open(path, os.O_WRONLY | os.O_CREAT | disk.BINARY | (0 if force else os.O_EXCL), 0o666)
         except FileExistsError as exc:
             raise UsageError(f"{path} exists", hint="choose another file", code="file-exists") from exc
-    if not held(file):
+    if not try_lock(file):
         os.close(file)
         hint = "end that recording first, or choose another file"
         raise UsageError(f"{path}: another handctl is recording into it", hint=hint, code="file-exists")

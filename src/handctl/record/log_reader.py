@@ -226,7 +226,8 @@ class LogFile:
         about: dict[str, Any] = {str(one.get("column")): one for one in (self.sidecar or {}).get("columns") or []}
         for number, pair in enumerate(zip_longest(names[len(known) : -2], about) if about else (), len(known) + 1):
             if pair[0] != pair[1]:
-                raise damaged(self.path, 1, "column {} is {!r}, but in its sidecar {!r}".format(number, *pair))
+                told = [repr(name) if name else "missing" for name in pair]
+                raise damaged(self.path, 1, f"column {number} is {told[0]}, but in its sidecar {told[1]}")
         self.channels = tuple(
             Channel(name, str(one.get("name") or name), str(one.get("unit") or ""))
             for name in names[len(known) : -2]

@@ -336,7 +336,7 @@ ROWS = (
         "Conversation.check_sight",
         "if missing or self.feedback.wrong[key] >= CYCLES:",
         "if missing:",
-        "tests/aidin/test_exchange.py::test_nothing_is_driven_on_by_a_key_that_is_wrong_three_times",
+        "tests/aidin/test_conversation.py::test_nothing_is_driven_on_by_a_key_that_is_wrong_three_times",
     ),
     mistake(
         "aidin-check-of-a-hand-that-is-not-open",

@@ -89,7 +89,7 @@ def _about(one: Recording) -> str:
 
 
 def _of_log(log: LogFile) -> list[str]:
-    """What keeps it from being whole: the page goes where the folder of the log is nobody's business."""
+    """Why the log is incomplete. Without its folder: the page may be passed on."""
     return [remark.replace(log.path, os.path.basename(log.path)) for remark in log.remarks()]
 
 

@@ -48,11 +48,13 @@ LIVE = ("stroke_actual", "angle_actual", "force_actual", "current", "error", "st
 SHOWN = ("id", "baud_code", "angle_set", "force_limit", "speed_set", *LIVE)
 
 
+STROKE = 2
+"""Counts of a stroke for one of an angle: 2000 against 1000."""
 SETPOINT_PAIRS = (
-    SetpointPair("stroke_set", "stroke_actual", 2 * NEAR, closing=1),
+    SetpointPair("stroke_set", "stroke_actual", STROKE * NEAR, closing=1),
     SetpointPair("angle_set", "angle_actual", NEAR, closing=-1),
 )
-"""A stroke has 2000 counts, an angle 1000. 0 is open as a stroke, closed as an angle."""
+"""0 is open as a stroke, closed as an angle."""
 RELEASES = (
     Release("speed_set", "speed_set", lambda _, new: new > 0),
     Release("force_limit", "force_limit", lambda now, new: new > now, closing=True),

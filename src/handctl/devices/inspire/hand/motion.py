@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, Hand
+from handctl.devices.inspire.hand.device import SETPOINT_PAIRS, STROKE, Hand
 from handctl.devices.inspire.hand.register_map import (
     BYTE_MAP,
     NO_COMMAND,
@@ -181,7 +181,7 @@ def move(
 def _goal(group: str, part: str, target: Number, before: Before | None) -> Goal:
     speed = before.get(f"speed_set.{part}") if before is not None else None
     patience = SLOWEST_CHANGE / speed if speed and speed > 0 else 0.0
-    return Goal(part, target, NEAR[group], speed, patience, NOISE * (2 if group == "stroke_set" else 1))
+    return Goal(part, target, NEAR[group], speed, patience, NOISE * (STROKE if group == "stroke_set" else 1))
 
 
 def _seen(place: Reading, status: Reading, fault: str, *, fresh: bool) -> AxisReading:
