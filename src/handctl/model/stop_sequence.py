@@ -422,7 +422,7 @@ class StopExchange:
     def _cut_off(self) -> Stopped:
         """The result of a sequence that is not finished."""
         try:
-            while True:  # of several devices each in turn
+            for _ in range(256):  # of several devices each in turn
                 self._sequence.throw(TooLate())
         except StopIteration as end:
             stopped: Stopped = end.value
