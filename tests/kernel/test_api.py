@@ -255,13 +255,13 @@ def test_the_signature_of_connect_is_documented() -> None:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_log_is_exported_to_the_file_that_is_named(family: str, tmp_path: Path) -> None:
-    log, out = tmp_path / "log.csv", tmp_path / "out.parquet"
+    log, out = tmp_path / "log.csv", tmp_path / "out.xdf"
     with handctl.simulate(family) as device:
         device.log(str(log), count=5)
-        (row,) = device.export(str(log), to="parquet", output=out)
-        assert row["rows"] == 5 and out.read_bytes()[:4] == b"PAR1"
+        (row,) = device.export(str(log), to="xdf", output=out)
+        assert row["rows"] == 5 and out.read_bytes()[:4] == b"XDF:"
         with pytest.raises(UsageError, match="makes a file"):
-            device.export(str(log), to="parquet")
+            device.export(str(log), to="xdf")
 
 
 def test_a_log_is_exported_as_the_text_that_the_command_writes(tmp_path: Path) -> None:

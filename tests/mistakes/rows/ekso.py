@@ -506,8 +506,8 @@ ROWS = (
         "two locks",
         "handctl.record.csv_and_sidecar",
         "open_new",
-        "if not held(file):",
-        "if held(file) is None:",
+        "if not try_lock(file):",
+        "if try_lock(file) is None:",
         "tests/contract/test_log.py::test_two_never_record_into_one_file",
     ),
     mistake(

@@ -14,8 +14,8 @@ ROWS = (
         "two locks",
         "handctl.link.transcript",
         "TraceFile.__init__",
-        "if not held(self._file.fileno()):",
-        "if held(self._file.fileno()) is None:",
+        "if not try_lock(self._file.fileno()):",
+        "if try_lock(self._file.fileno()) is None:",
         "tests/kernel/test_full_disk.py::test_a_trace_that_another_command_writes_is_left_alone_and_holds_up_no_stop",
     ),
     mistake(
