@@ -130,11 +130,7 @@ def _number(text: str) -> float:
 
 def _numbers(texts: set[str]) -> tuple[dict[str, float], list[str]]:
     """The numbers among these texts, and the texts that are none."""
-    with suppress(ValueError):  # most often all of them are, which one look tells
-        numbers = dict(zip(texts, map(float, texts), strict=True))
-        if isfinite(sum(numbers.values())):
-            return numbers, []
-    numbers, others = {}, []
+    numbers, others = dict[str, float](), list[str]()
     for text in texts:
         try:
             numbers[text] = _number(text)
@@ -265,7 +261,13 @@ class _Reading:
         if track is None:
             return
         curve, factor = track
-        numbers, others = _numbers(set(column))
+        texts = set(column)
+        with suppress(ValueError):  # most often all of them are numbers
+            found = list(map(float, texts))
+            if isfinite(sum(found)):
+                curve.add(t, min(found) * factor, max(found) * factor, float(column[-1]) * factor)
+                return
+        numbers, others = _numbers(texts)
         if numbers:
             values = numbers.values()
             last = next(numbers[text] for text in reversed(column) if text in numbers)
