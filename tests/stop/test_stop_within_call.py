@@ -74,10 +74,25 @@ def test_a_call_waits_for_the_stop_beside_it(bound: bool) -> None:
     with handctl.simulate("exo") as device:
         if bound:
             device.get("id")
-        ended = threading.Event()
-        with device._line._stops:  # as long as a stop is on its way
-            thread = threading.Thread(target=lambda: (device.get("id"), ended.set()))
-            thread.start()
-            assert not ended.wait(0.05)
+        met, over, order = threading.Event(), threading.Event(), list[str]()
+
+        def meets(what: str) -> None:
+            order.append(what)
+            met.set()
+
+        class OnItsWay:
+            """The turn of a stop that is not over."""
+
+            def __enter__(self) -> None:
+                meets("waits")
+                over.wait(PATIENCE)
+
+            def __exit__(self, *_: object) -> None: ...
+
+        device._line._stops = OnItsWay()  # type: ignore[assignment]
+        thread = threading.Thread(target=lambda: (device.get("id"), meets("ended")))
+        thread.start()
+        assert met.wait(PATIENCE) and order == ["waits"]
+        over.set()
         thread.join(PATIENCE)
-        assert ended.is_set()
+        assert order[-1] == "ended"
